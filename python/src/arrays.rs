@@ -6,7 +6,7 @@
 use matchbench::datasets::{check_size, gray_of_rgb};
 use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 use matchbench_vision::image::{GrayImage, Size};
-use nalgebra::Point2;
+use nalgebra::{Matrix3, Point2};
 use numpy::{
     AllowTypeChange, Element, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayLike1, PyArrayLike2,
     PyArrayMethods, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods,
@@ -98,6 +98,22 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
     let finite = |p: &Point2<f64>| p.x.is_finite() && p.y.is_finite();
     all_finite(name, points.iter().map(finite))?;
     Ok(points)
+}
+
+/// A matrix of 3 x 3 numbers of any real type.
+///
+/// # Errors
+/// If it is anything else.
+pub(crate) fn matrix_3x3(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Matrix3<f64>> {
+    let expected = "an array of numbers, 3 x 3";
+    let numbers = numbers(value, name, expected)?;
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> =
+        converted(&numbers, || refused(value, name, expected))?;
+    let view = array.as_array();
+    if view.shape() != [3, 3] {
+        return Err(refused(value, name, expected));
+    }
+    Ok(Matrix3::from_fn(|row, column| view[[row, column]]))
 }
 
 /// Checks that all rows of the argument `name` are finite.

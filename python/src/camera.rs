@@ -5,6 +5,7 @@ use matchbench_vision::geometry::{self, Distortion};
 use nalgebra::Matrix3;
 use pyo3::prelude::*;
 
+use crate::arrays::matrix_3x3;
 use crate::errors::value_error;
 
 /// The origin of pixel coordinates: at the centre of the first pixel, or at its corner.
@@ -75,6 +76,20 @@ impl Camera {
             }
         };
         checked([fx, fy, cx + shift, cy + shift], distortion)
+    }
+
+    /// A camera, given by its calibration matrix K, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
+    #[staticmethod]
+    #[pyo3(signature = (matrix, distortion=None, *, origin="center"))]
+    fn from_matrix(
+        matrix: &Bound<'_, PyAny>,
+        distortion: Option<Vec<f64>>,
+        origin: &str,
+    ) -> PyResult<Self> {
+        let k = matrix_3x3(matrix, "matrix")?;
+        let geometry::Camera { fx, fy, cx, cy, .. } =
+            geometry::Camera::from_matrix(&k).map_err(value_error)?;
+        Self::new(fx, fy, cx, cy, distortion, origin)
     }
 
     /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL

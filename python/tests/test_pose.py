@@ -115,6 +115,14 @@ def test_keys_that_do_nothing_are_errors(ransac, bundle, words, matches):
         mb.estimate_relative_pose(matches.points_a, matches.points_b, camera, camera, ransac, bundle)
 
 
+def test_a_camera_by_its_matrix():
+    k = np.array([[300.0, 0, 160], [0, 301, 120], [0, 0, 1]])
+    assert mb.Camera.from_matrix(k) == mb.Camera(300, 301, 160, 120)
+    assert mb.Camera.from_matrix(k, [0.1, 0, 0, 0]).distortion[0] == 0.1
+    with pytest.raises(ValueError):
+        mb.Camera.from_matrix(np.eye(3) * np.nan)
+
+
 def test_cameras_by_colmaps_names():
     bent = mb.Camera.from_model("OPENCV", [500, 501, 320, 240, 0.1, -0.2, 0.001, 0.002], origin="center")
     assert bent.distortion == (0.1, -0.2, 0.001, 0.002, 0.0)

@@ -44,7 +44,7 @@ fn a_cause_is_told_once() {
     let folder = folder.path();
     dataset(folder, "wall", 2);
     let said = refused(folder, &["report", "nowhere"]);
-    assert_eq!(said.matches("No such file").count(), 1, "{said}");
+    assert_eq!(said.matches("no such folder").count(), 1, "{said}");
 
     fs::create_dir_all(folder.join("results/wall")).expect("writable");
     fs::write(folder.join("results/wall/sift.txt"), [0xff; 64]).expect("writable");

@@ -33,6 +33,9 @@ class Camera:
         origin: str = "center",
     ) -> Camera: ...
     @staticmethod
+    def from_matrix(matrix: ArrayLike, distortion: Sequence[float] | None = None, *, origin: str = "center") -> Camera:
+        """A camera, given by its calibration matrix K, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."""
+    @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
         SIMPLE_RADIAL, RADIAL or OPENCV."""

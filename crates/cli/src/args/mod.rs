@@ -199,7 +199,7 @@ mod tests {
             let mut content = Content::new(Vec::new(), &Bootstrap::default(), facts);
             content.datasets.push(DatasetFacts {
                 name: "it's; rm x".into(),
-                portion: matchbench::metrics::Portion::Wide,
+                portion: matchbench::metrics::Portion::Other,
                 frames: 3,
                 pairs: 3,
                 resolution: None,

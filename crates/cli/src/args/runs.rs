@@ -1,5 +1,6 @@
 //! Arguments of the commands that match: matchers and estimators on datasets, or on one pair.
 
+use std::convert::Infallible;
 use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
 use std::path::PathBuf;
 
@@ -15,6 +16,7 @@ pub(crate) struct DemoArgs {
         long,
         value_name = "IDS",
         value_delimiter = ',',
+        value_parser = trimmed,
         default_value = "sift,orb,brisk,kaze,akaze"
     )]
     pub matchers: Vec<String>,
@@ -54,7 +56,7 @@ pub(crate) struct RunArgs {
     pub datasets: Vec<PathBuf>,
     /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is that of the manifest
     /// of a matcher from outside (see `matchbench check`)
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub matchers: Vec<String>,
     /// Folder of the run. If it exists, the run is resumed, and may get more datasets, matchers and estimators
     #[arg(long, value_name = "RUN")]
@@ -84,14 +86,14 @@ pub(crate) struct RunArgs {
 /// Options that the records of a run depend on, besides its datasets and matchers.
 #[derive(Debug, Args)]
 pub(crate) struct ChoiceArgs {
-    /// Pose estimators, separated by commas [default: the one that belongs to each matcher; best
+    /// Estimators of poses or homographies, separated by commas [default: the one that belongs to each matcher; best
     /// for matches from files]
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub estimator: Vec<String>,
     /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets
     /// the size of images, the estimator, the unit of its threshold and the repetitions. Several protocols
     /// share one set of matches, found in images of the original size [default: matchbench]
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub protocol: Vec<String>,
     /// Only the first N pairs of each dataset
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
@@ -145,6 +147,7 @@ pub(crate) struct PlanArgs {
         long,
         value_name = "IDS",
         value_delimiter = ',',
+        value_parser = trimmed,
         required_unless_present = "matches"
     )]
     pub matchers: Vec<String>,
@@ -328,7 +331,7 @@ pub(crate) struct TuneArgs {
     pub datasets: Vec<PathBuf>,
     /// Matchers whose matches are used, separated by commas; a path is that of the manifest of a matcher from
     /// outside
-    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true, value_parser = trimmed)]
     pub matchers: Vec<String>,
     /// The parameter (see `matchbench list estimators`)
     #[arg(long, value_name = "ESTIMATOR.NAME")]
@@ -416,7 +419,7 @@ pub(crate) struct TimeArgs {
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
     /// Matchers of `matchbench list matchers`, separated by commas, or `all`
-    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true, value_parser = trimmed)]
     pub matchers: Vec<String>,
     /// The first N pairs, or all if there are fewer
     #[arg(long, value_name = "N", default_value = "200", value_parser = from_one::<NonZeroUsize>)]
@@ -450,6 +453,11 @@ pub(crate) struct CheckArgs {
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "NAME.KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+/// A name without the blanks that stand beside commas.
+fn trimmed(text: &str) -> Result<String, Infallible> {
+    Ok(text.trim().to_owned())
 }
 
 /// A number that must be at least 1.

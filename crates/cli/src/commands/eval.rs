@@ -6,11 +6,12 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
+use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
     Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
 };
 use matchbench::protocols;
-use matchbench::records::RunFolder;
+use matchbench::records::{Plan, RunFolder};
 use matchbench::report::{
     Content, Format, RunFacts, render, render_protocols, render_with_mean, verdicts,
 };
@@ -75,7 +76,9 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
 /// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs.
 pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
     let sentences = if RunFolder::is_at(results) {
-        unfinished(RunFolder::open(results)?.plan(), sets)
+        let run = RunFolder::open(results)?;
+        warn_of_absent(results, run.plan());
+        unfinished(run.plan(), sets)
     } else {
         Vec::new()
     };
@@ -88,6 +91,15 @@ pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<(
         }
     }
     Ok(())
+}
+
+/// Warns if files of matches lack pairs, which count as wrong.
+fn warn_of_absent(results: &Path, plan: &Plan) {
+    for matcher in &plan.matchers {
+        for note in matcher.notes.iter().filter(|note| is_of_absent_pairs(note)) {
+            say!("warning: {}: {}: {note}", results.display(), matcher.id);
+        }
+    }
 }
 
 /// Warns if listed pairs have no result.

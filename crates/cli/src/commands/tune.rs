@@ -70,6 +70,14 @@ fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {
             tuned.setting
         )?;
     }
+    let ends = [tuned.auc.first(), tuned.auc.last()];
+    let mut ends = ends.into_iter().flatten();
+    if !all_equal && ends.any(|(value, _)| value.is_number() && chosen(value)) {
+        writeln!(
+            out,
+            "the best value is at the end of those that were tried: try further ones"
+        )?;
+    }
     let path = folder.join("tuned.json");
     writeln!(
         out,

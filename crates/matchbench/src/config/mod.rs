@@ -50,14 +50,45 @@ pub fn parse_params<P: DeserializeOwned + Default>(
     match config {
         None => Ok(P::default()),
         // Checked here because serde would also accept an array, field by field.
-        Some(object @ Value::Object(_)) => {
-            P::deserialize(object).map_err(|error| ConfigError::new(id, error))
-        }
+        Some(object @ Value::Object(_)) => P::deserialize(object).map_err(|error| {
+            let culprit =
+                culprit::<P>(object).map_or_else(String::new, |name| format!("`{name}`: "));
+            ConfigError::new(
+                id,
+                format!("{culprit}{}", in_plain_words(&error.to_string())),
+            )
+        }),
         Some(other) => Err(ConfigError::new(
             id,
             format!("expected an object like {{\"name\": value}}, found {other}"),
         )),
     }
+}
+
+/// The name of the first parameter that is refused by itself for its type, which the error does not name.
+fn culprit<P: DeserializeOwned>(config: &Value) -> Option<&str> {
+    let entries = config.as_object()?.iter();
+    let is_refused = |name: &str, value: &Value| {
+        let alone = Value::Object(Map::from_iter([(name.to_owned(), value.clone())]));
+        let refused = P::deserialize(alone).err();
+        refused.is_some_and(|error| error.to_string().starts_with("invalid type"))
+    };
+    let mut refused = entries.filter(|(name, value)| is_refused(name, value));
+    refused.next().map(|(name, _)| &**name)
+}
+
+/// An error of serde, with the types of Rust as users call them.
+fn in_plain_words(error: &str) -> String {
+    let Some((said, wanted)) = error.rsplit_once("expected ") else {
+        return error.to_owned();
+    };
+    let wanted = match wanted {
+        "f32" | "f64" => "a number",
+        "u8" | "u32" | "u64" | "usize" => "a whole number",
+        "a boolean" => "true or false",
+        other => other,
+    };
+    format!("{said}expected {wanted}")
 }
 
 /// As [`parse_params`], for a matcher whose defaults are not those of the type.
@@ -171,6 +202,10 @@ mod tests {
         for (config, named) in [
             (json!({"ratoi": 0.8}), "ratoi"),
             (json!({"count": -1}), "-1"),
+            (
+                json!({"count": 2, "ratio": "high"}),
+                "`ratio`: invalid type: string \"high\", expected a number",
+            ),
             (json!([0.8, 1]), "[0.8,1]"),
             (json!(null), "null"),
         ] {

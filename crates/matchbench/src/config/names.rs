@@ -2,12 +2,14 @@
 
 /// There is no entry with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown {kind} `{name}`{suggestion}; there are: {known}")]
+#[error("unknown {kind} `{name}`{suggestion}; there are: {known}{beside}")]
 pub struct UnknownName {
     kind: &'static str,
     name: String,
     suggestion: String,
     known: String,
+    /// What else a name may be.
+    beside: &'static str,
 }
 
 /// The entry with the name `name`; `name_of` gives the name of an entry.
@@ -36,6 +38,12 @@ pub fn find<'n, E: Copy>(
             format!(" (did you mean `{known}`?)")
         }),
         known: names().collect::<Vec<_>>().join(", "),
+        beside: match kind {
+            "matcher" => {
+                "; a matcher from outside is named by the path of its manifest, such as ./mine.toml"
+            }
+            _ => "",
+        },
     })
 }
 
@@ -76,11 +84,13 @@ mod tests {
         let message = |name| answer(name).expect_err("not on the list").to_string();
         assert_eq!(
             message("binbost"),
-            "unknown matcher `binbost` (did you mean `binboost`?); there are: sift, binboost"
+            "unknown matcher `binbost` (did you mean `binboost`?); there are: sift, binboost; a matcher from outside is named by the path of its \
+             manifest, such as ./mine.toml"
         );
         assert_eq!(
             message("superglue"),
-            "unknown matcher `superglue`; there are: sift, binboost"
+            "unknown matcher `superglue`; there are: sift, binboost; a matcher from outside is named by the path of its \
+             manifest, such as ./mine.toml"
         );
     }
 }

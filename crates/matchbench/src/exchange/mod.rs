@@ -46,7 +46,7 @@ pub use export::{Export, Model, PairExport, Seen, TwoView, check_dataset};
 pub use names::NamedBy;
 pub use options::ReadOptions;
 pub use read::{FileMatches, MatchFiles, Survey};
-pub use source::MatchSource;
+pub use source::{MatchSource, is_of_absent_pairs};
 pub use understood::{FileRead, Scores, Understood};
 
 use names::PairName;

@@ -71,7 +71,8 @@ impl MatchSource {
             let absent = files.survey().absent.len();
             if absent > 0 {
                 notes.push(format!(
-                    "{name}: absent: {}; what is run of them counts as failed",
+                    "{name}: {ABSENT}{}; what is run of them counts as failed. Score the others alone by \
+                     `matchbench eval RUN --pairs list:FILE`",
                     counted(absent, "pair")
                 ));
             }
@@ -90,6 +91,15 @@ impl MatchSource {
             source: Box::new(self),
         }
     }
+}
+
+/// What a note begins with that says how many pairs the files do not have, after the name of the dataset.
+const ABSENT: &str = "absent: ";
+
+/// Whether a note of a matcher in a plan says that its files do not have all pairs.
+pub fn is_of_absent_pairs(note: &str) -> bool {
+    note.split_once(": ")
+        .is_some_and(|(_, said)| said.starts_with(ABSENT))
 }
 
 /// How the files of a dataset were understood, by the parameters of their source.

@@ -240,7 +240,8 @@ fn absent_pairs_are_listed_and_strangers_counted() {
     // A limit may leave them out.
     assert_eq!(
         notes[1],
-        "room: absent: 1 pair; what is run of them counts as failed"
+        "room: absent: 1 pair; what is run of them counts as failed. Score the others alone by `matchbench eval RUN \
+         --pairs list:FILE`"
     );
     assert_eq!(files.survey().others, 1);
     assert!(files.matches(0, 2).unwrap().is_none());

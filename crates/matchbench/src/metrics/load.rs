@@ -31,6 +31,14 @@ pub fn load_chosen(
     datasets: Option<&Path>,
     choice: &PairChoice,
 ) -> Result<Vec<ResultSet>, ResultsError> {
+    if matches!(folder.try_exists(), Ok(false)) {
+        return Err(ResultsError::Layout {
+            path: folder.to_path_buf(),
+            problem: "there is no such folder; give that of a run (its --out), or one of results, which holds \
+                      <sequence>/<matcher>.txt"
+                .to_owned(),
+        });
+    }
     let sets = if RunFolder::is_at(folder) {
         results::of_run(&RunFolder::open(folder)?, datasets, choice)?
     } else {

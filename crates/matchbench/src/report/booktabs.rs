@@ -28,7 +28,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         for (portion, columns) in portions(&overview) {
             let _ = write!(
                 text,
-                " & \\multicolumn{{{columns}}}{{c}}{{{} baselines}}",
+                " & \\multicolumn{{{columns}}}{{c}}{{{}}}",
                 portion.name()
             );
             let _ = write!(rules, "\\cmidrule(lr){{{column}-{}}}", column + columns - 1);

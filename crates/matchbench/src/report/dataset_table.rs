@@ -1,4 +1,4 @@
-//! The paper's Table 1 as LaTeX: the datasets by portion (short or wide baselines), with their images, pairs,
+//! The paper's Table 1 as LaTeX: the datasets by portion (pairs of fragments, or others), with their images, pairs,
 //! resolution and property.
 
 use std::fmt::Write as _;
@@ -8,15 +8,15 @@ use crate::metrics::Portion;
 use super::dataset_facts::DatasetFacts;
 use super::latex::escape;
 
-/// A complete `tabular`, the short-baseline portion first.
+/// A complete `tabular`, the fragments first.
 pub(super) fn latex(datasets: &[DatasetFacts]) -> String {
     let mut text = String::from(
         "\\begin{tabular}{c|lrrll}\n\\hline\nType & Sequences & Images & Pairs & Resolution & Property \\\\\n\\hline\n",
     );
     for portion in Portion::ALL {
         let mut kind = match portion {
-            Portion::Short => "Short",
-            Portion::Wide => "Wide",
+            Portion::Fragments => "Fragments",
+            Portion::Other => "Other",
         };
         for dataset in datasets.iter().filter(|dataset| dataset.portion == portion) {
             let size = match dataset.resolution {
@@ -63,10 +63,14 @@ mod tests {
             import: Vec::new(),
             thumbnail: None,
         };
-        let text = latex(&[dataset("05", Portion::Wide), dataset("04", Portion::Short)]);
-        let short = text.find("Short & 04 & 30 & 435 & $3072 \\times 2048$ & Strecha \\& others");
-        let wide = text.find("Wide & 05");
-        assert!(short.is_some() && short < wide, "{text}");
+        let text = latex(&[
+            dataset("05", Portion::Other),
+            dataset("04", Portion::Fragments),
+        ]);
+        let fragments =
+            text.find("Fragments & 04 & 30 & 435 & $3072 \\times 2048$ & Strecha \\& others");
+        let others = text.find("Other & 05");
+        assert!(fragments.is_some() && fragments < others, "{text}");
         assert_eq!(text.matches("\\hline").count(), 4);
     }
 }

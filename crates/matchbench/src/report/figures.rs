@@ -385,10 +385,12 @@ pub(super) fn accuracies<'a>(
     rows
 }
 
-/// The paper's panel of AP bars of one portion, if poses were estimated on any dataset that belongs to it.
+/// The paper's panel of AP bars of one portion, with its `name` in the title, if poses were estimated on any dataset that
+/// belongs to it.
 pub(super) fn ap_panel_figure(
     overview: &Overview<'_>,
     portion: Portion,
+    name: &str,
     target: Target,
 ) -> Option<String> {
     let columns: Vec<usize> = (0..overview.datasets.len())
@@ -407,7 +409,7 @@ pub(super) fn ap_panel_figure(
             (row.series, &*row.label, columns.iter().map(ap).collect())
         })
         .collect();
-    let title = format!("AP bars at 5 degrees: {} baselines", portion.name());
+    let title = format!("AP bars at 5 degrees: {name}");
     (!columns.is_empty()).then(|| ap_panel(target, &title, &sequences, &series))
 }
 
@@ -452,7 +454,7 @@ mod tests {
         let panel = |sets| {
             let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
             let overview = Overview::new(&content.summaries);
-            ap_panel_figure(&overview, overview.portions[0], Target::File)
+            ap_panel_figure(&overview, overview.portions[0], "other pairs", Target::File)
         };
         let plane = homography_results("wall", "sift", 1.0);
         assert_eq!(panel(vec![plane.clone()]), None);

@@ -238,9 +238,12 @@ type Figure = (String, String, Value);
 /// Every figure. No two names are equal, whatever the datasets are called.
 fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
     let panel = |portion: Portion| {
-        let svg = ap_panel_figure(overview, portion, Target::File)?;
-        let name = format!("ap-{}-baselines", portion.name());
-        Some((name, svg, vega::ap_panel(overview, portion)))
+        let svg = ap_panel_figure(overview, portion, portion.name(), Target::File)?;
+        let name = match portion {
+            Portion::Fragments => "ap-of-fragments",
+            Portion::Other => "ap-of-other-pairs",
+        };
+        Some((name.to_owned(), svg, vega::ap_panel(overview, portion)))
     };
     let mut figures: Vec<Figure> = Portion::ALL.into_iter().filter_map(panel).collect();
     let names = file_names(&overview.datasets);
@@ -365,7 +368,7 @@ mod tests {
 
     #[test]
     fn figures_of_datasets_with_odd_names_do_not_replace_each_other() {
-        let names = ["room", "rotation-room", "wide-baselines"];
+        let names = ["room", "rotation-room", "of-other-pairs"];
         let content = content(&names.map(|name| (name, "sift", 4)));
         let figures = figures(&content, &Overview::new(&content.summaries));
         let names: BTreeSet<&str> = figures.iter().map(|(name, ..)| &**name).collect();
@@ -373,10 +376,10 @@ mod tests {
         for (name, text) in [
             ("sp-rotation-room", "SP curves of the rotation: room ("),
             ("sp-rotation-room-2", "SP curves: rotation-room ("),
-            ("ap-wide-baselines", "AP bars at 5 degrees: wide baselines"),
+            ("ap-of-other-pairs", "AP bars at 5 degrees: other pairs"),
             (
-                "ap-wide-baselines-2",
-                "AP bars at 5 degrees: wide-baselines (",
+                "ap-of-other-pairs-2",
+                "AP bars at 5 degrees: of-other-pairs (",
             ),
         ] {
             let figure = figures.iter().find(|(other, ..)| other == name);

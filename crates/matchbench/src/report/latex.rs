@@ -1,6 +1,6 @@
 //! A complete `tabular` like the paper's Table 2: AUC of matchers by datasets. The best three of a dataset are
 //! red, green and blue, those above SIFT are bold, and `/` means that a matcher was not run. Rows and columns
-//! are in the paper's order, under its two portions (short and wide baselines).
+//! are in the paper's order, under two portions (fragments and other pairs).
 
 use std::fmt::Write as _;
 
@@ -28,7 +28,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         for (portion, columns) in portions(&overview) {
             let _ = write!(
                 text,
-                " & \\multicolumn{{{columns}}}{{c|}}{{{}-baseline portion}}",
+                " & \\multicolumn{{{columns}}}{{c|}}{{{}}}",
                 portion.name()
             );
         }
@@ -206,14 +206,14 @@ mod tests {
             summary("01-office", "binboost", 6),
         ];
         for summary in &mut summaries[1..] {
-            summary.portion = Portion::Short;
+            summary.portion = Portion::Fragments;
         }
         for i in [0, 2] {
             summaries[i].estimator = "rich".to_owned();
         }
         let expected = "\\begin{tabular}{|c|c|c|}\n\
             \\hline\n \
-            & \\multicolumn{1}{c|}{short-baseline portion} & \\multicolumn{1}{c|}{wide-baseline portion} \\\\\n\
+            & \\multicolumn{1}{c|}{fragments} & \\multicolumn{1}{c|}{other pairs} \\\\\n\
             \\cline{2-3}\n\
             Matchers & 01 & 05 \\\\\n\
             \\hline\n\

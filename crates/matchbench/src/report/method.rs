@@ -156,7 +156,7 @@ fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, papers: &
     }
 }
 
-/// Datasets, pairs and sizes: `room (10 pairs, wide baselines, 640 × 480 pixels)`.
+/// Datasets, pairs and sizes: `room (10 pairs of fragments, 640 × 480 pixels)`.
 fn data(content: &Content) -> String {
     let mut names: Vec<String> = Vec::new();
     let mut seen: Vec<&str> = Vec::new();
@@ -167,10 +167,10 @@ fn data(content: &Content) -> String {
         seen.push(&summary.dataset);
         let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
         let portion = match summary.portion {
-            Portion::Short => "short baselines",
-            Portion::Wide => "wide baselines",
+            Portion::Fragments => " of fragments",
+            Portion::Other => "",
         };
-        let mut text = format!("{} ({pairs}, {portion}", summary.dataset);
+        let mut text = format!("{} ({pairs}{portion}", summary.dataset);
         let facts = content
             .datasets
             .iter()
@@ -285,7 +285,7 @@ mod tests {
         let text = markdown(&content);
         for said in [
             "with matchbench ",
-            "room (10 pairs, wide baselines)",
+            "room (10 pairs)",
             "SIFT (ratio = 0.7) [@lowe2004",
             "GMS [@bian2017gms] and mine\\_2.",
             "ransac-e (threshold\\_px = 3.0) (for SIFT, mine\\_2) [@nist",

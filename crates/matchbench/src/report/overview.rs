@@ -120,7 +120,7 @@ impl<'a> Overview<'a> {
             .collect();
         let portion = |dataset: &&str| {
             let summary = summaries.iter().find(|s| s.dataset == *dataset);
-            summary.map_or(Portion::Wide, |summary| summary.portion)
+            summary.map_or(Portion::Other, |summary| summary.portion)
         };
         Self {
             portions: datasets.iter().map(portion).collect(),
@@ -131,7 +131,7 @@ impl<'a> Overview<'a> {
     }
 
     /// The same table in the order of the paper: matchers in the order of the list of matchers, others after
-    /// them, and the short-baseline portion before the wide one.
+    /// them, and fragments before other pairs.
     pub(super) fn in_the_papers_order(mut self) -> Self {
         self.rows.sort_by_key(|row| names::place(row.matcher));
         let mut columns: Vec<usize> = (0..self.datasets.len()).collect();
@@ -489,7 +489,7 @@ mod tests {
     #[test]
     fn the_paper_has_its_own_order() {
         let mut street = summary("street", "kaze", 6);
-        street.portion = Portion::Short;
+        street.portion = Portion::Fragments;
         let summaries = [
             summary("room", "gms", 6),
             summary("room", "mine", 6),

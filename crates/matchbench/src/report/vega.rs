@@ -106,7 +106,7 @@ pub(super) fn ap_panel(overview: &Overview<'_>, portion: Portion) -> Value {
         "color": {"field": "matcher", "type": "nominal", "sort": null},
     });
     figure(
-        format!("AP bars at 5 degrees: {} baselines", portion.name()),
+        format!("AP bars at 5 degrees: {}", portion.name()),
         rows,
         json!({"mark": "bar", "encoding": encoding}),
     )
@@ -302,12 +302,12 @@ mod tests {
         let overview = Overview::new(&content.summaries);
         check(&sp(&overview, 0, Angle::Rotation));
         check(&ap(&overview, 0));
-        check(&ap_panel(&overview, Portion::Wide));
+        check(&ap_panel(&overview, Portion::Other));
         check(&lead(&content, &overview, 0));
         check(&difficulty(&content, &overview, 0, Difficulty::Overlap).expect("it is known"));
         check(&time(&content, &overview, 0));
         check(&estimators(&content.summaries, "01-room", Model::Pose));
-        let panel = ap_panel(&overview, Portion::Wide);
+        let panel = ap_panel(&overview, Portion::Other);
         assert_eq!(
             panel["data"]["values"][0],
             json!({"matcher": "sift", "sequence": "01", "ap5": 102.5})

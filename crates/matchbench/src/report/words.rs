@@ -53,7 +53,9 @@ pub(super) fn reason(failure: Failure, protocol: &Protocol) -> String {
             format!("No estimate that enough matches agree with: for a pose {least}.")
         }
         Failure::Broken => {
-            "A stage broke: an image that cannot be read, or an error of the matcher. The record says which.".into()
+            "A stage broke: an image that cannot be read, an error of the matcher, or a pair that files of matches do not \
+             have. The record says which."
+                .into()
         }
         Failure::Unexplained => "No estimate, and the results do not say why.".into(),
         Failure::Missing => "The dataset lists this pair, but the results do not have it.".into(),

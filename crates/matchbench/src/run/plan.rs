@@ -191,7 +191,7 @@ pub fn check_truth<'a>(
         if let Some(pair) = pairs.into_iter().find(lacks) {
             return contradiction(format!(
                 "dataset `{dataset}` knows {known} but no {missing} of the pair {} {}, which the estimator `{}` \
-                 would be judged by; choose one of {others} with --estimator",
+                 would be judged by; choose one of {others} with --estimator, and give datasets that know the other runs of their own",
                 pair.a, pair.b, variant.name
             ));
         }

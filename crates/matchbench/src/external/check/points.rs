@@ -14,8 +14,8 @@ pub(super) const NEAR: f64 = 5.0;
 /// Share of matches near these above which the points are what they should be; by chance about one
 /// of fifty is.
 pub(super) const SOUND: f64 = 0.2;
-/// Share of them that makes a mistake the explanation.
-const EXPLAINS: f64 = 0.5;
+/// Share of them that makes a mistake the explanation, where fewer are near as they are.
+pub(super) const EXPLAINS: f64 = 0.5;
 /// Long sides of images that learned matchers are often given, in pixels.
 const USUAL_SIZES: [usize; 9] = [320, 480, 512, 640, 840, 1024, 1200, 1280, 1600];
 

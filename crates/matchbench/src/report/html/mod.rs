@@ -345,10 +345,10 @@ fn panels(overview: &Overview<'_>) -> Vec<Value> {
     (Portion::ALL.into_iter())
         .filter(|_| several)
         .filter_map(|portion| {
-            let svg = ap_panel_figure(overview, portion, Target::Page)?;
+            let svg = ap_panel_figure(overview, portion, portion.name(), Target::Page)?;
             let name = match portion {
-                Portion::Short => "Short baselines",
-                Portion::Wide => "Wide baselines",
+                Portion::Fragments => "Fragments",
+                Portion::Other => "Other pairs",
             };
             Some(context! { dataset => name, basis => "", svg => Value::from_safe_string(svg) })
         })

@@ -172,7 +172,7 @@ fn a_property_of_no_dataset_takes_no_room() {
     for property in ["", "little texture"] {
         content.datasets = vec![DatasetFacts {
             name: "room".into(),
-            portion: Portion::Short,
+            portion: Portion::Fragments,
             frames: 2,
             pairs: 1,
             resolution: None,

@@ -36,14 +36,16 @@ pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
             svg: gallery(&pictures, PICTURES),
         });
     }
-    for (portion, name, caption) in [
+    for (portion, baselines, name, caption) in [
         (
-            Portion::Short,
+            Portion::Fragments,
+            "short baselines",
             "figure2",
             "Figure 2: the short-baseline portion.",
         ),
         (
-            Portion::Wide,
+            Portion::Other,
+            "wide baselines",
             "figure3",
             "Figure 3: the wide-baseline portion.",
         ),
@@ -63,7 +65,7 @@ pub(super) fn all(content: &Content) -> Vec<PaperFigure> {
             panels = rest;
         }
         rows.push(
-            ap_panel_figure(&overview, portion, Target::File)
+            ap_panel_figure(&overview, portion, baselines, Target::File)
                 .into_iter()
                 .collect(),
         );
