@@ -253,7 +253,7 @@ def test_a_list_is_not_believed_to_be_as_long_as_it_says():
             mb.estimator("adaptive").estimate(points, points, camera, camera, turns=turns)
     with pytest.raises(MemoryError):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=Boundless())
-    with pytest.raises((TypeError, ValueError, MemoryError), match="points_a"):
+    with pytest.raises(MemoryError):
         mb.estimator("best").estimate(endless, points, camera, camera)
 
 
