@@ -72,8 +72,11 @@ fn what_is_there_is_run_and_stands_beside_what_was_published() {
         gms.is_some_and(|line| line.ends_with(",9463") && !line.contains(",,")),
         "{times}"
     );
+    let page = fs::read_to_string(made("index.html")).expect("a page");
+    let lacking = "A quick look: fewer pairs than published of 05 (3 of 435); nothing of 01, 02, 03, 04, 06, 07, 08.";
+    assert!(page.contains(lacking), "{page}");
+    assert!(auc.contains("\nPairs,\"05\",3,435\n"), "{auc}");
     for file in [
-        "index.html",
         "paper.tex",
         "figures/figure1.png",
         "figures/figure3.svg",

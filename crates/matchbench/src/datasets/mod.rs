@@ -43,7 +43,7 @@ pub use exporters::{EXPORTS, Export, export};
 pub use fingerprint::Whole;
 pub use importers::{
     ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, import_once,
-    read_source,
+    read_source, reference,
 };
 pub use manifest::{About, describe};
 pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};

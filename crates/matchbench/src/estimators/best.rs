@@ -9,6 +9,6 @@ use super::Preset;
 pub(super) const BEST: Preset = Preset {
     id: "best",
     summary: "our recommendation for points alone: progressive samples, a score that crowds of matches do not dominate, local optimisation, robust refinement",
-    reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005; Lebeda, Matas, Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
+    reference: "O. Chum, J. Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005; K. Lebeda, J. Matas, O. Chum, \"Fixing the Locally Optimized RANSAC\", BMVC 2012",
     defaults: presets::best,
 };

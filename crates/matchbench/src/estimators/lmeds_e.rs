@@ -7,6 +7,6 @@ use super::Preset;
 pub(super) const LMEDS_E: Preset = Preset {
     id: "lmeds-e",
     summary: "essential matrix by least median of squares: no threshold, at most half wrong matches",
-    reference: "Rousseeuw, \"Least Median of Squares Regression\", JASA 79, 1984",
+    reference: "P. J. Rousseeuw, \"Least Median of Squares Regression\", Journal of the American Statistical Association 79(388), 1984",
     defaults: presets::lmeds_e,
 };

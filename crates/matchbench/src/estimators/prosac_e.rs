@@ -8,6 +8,6 @@ use super::Preset;
 pub(super) const PROSAC_E: Preset = Preset {
     id: "prosac-e",
     summary: "essential matrix by five-point sample consensus, the least ambiguous matches first",
-    reference: "Chum, Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005",
+    reference: "O. Chum, J. Matas, \"Matching with PROSAC - Progressive Sample Consensus\", CVPR 2005",
     defaults: presets::prosac_e,
 };

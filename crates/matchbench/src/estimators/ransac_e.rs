@@ -21,8 +21,8 @@ impl EstimatorEntry for RansacE {
     }
 
     fn reference(&self) -> &'static str {
-        "Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", PAMI 26(6), 2004; \
-         Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981"
+        "D. Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", IEEE Transactions on Pattern Analysis and Machine Intelligence 26(6), 2004; \
+         M. A. Fischler, R. C. Bolles, \"Random Sample Consensus: A Paradigm for Model Fitting with Applications to Image Analysis and Automated Cartography\", Communications of the ACM 24(6), 1981"
     }
 
     fn defaults(&self) -> Value {

@@ -8,7 +8,7 @@ use super::Preset;
 pub(super) const RANSAC_E_INLIERS: Preset = Preset {
     id: "ransac-e-inliers",
     summary: "ransac-e as SuperGlue and learned matchers since call it: the inliers alone choose the pose, at any depth",
-    reference: "Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", PAMI 26(6), 2004; \
-                Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981",
+    reference: "D. Nistér, \"An Efficient Solution to the Five-Point Relative Pose Problem\", IEEE Transactions on Pattern Analysis and Machine Intelligence 26(6), 2004; \
+                M. A. Fischler, R. C. Bolles, \"Random Sample Consensus: A Paradigm for Model Fitting with Applications to Image Analysis and Automated Cartography\", Communications of the ACM 24(6), 1981",
     defaults: presets::ransac_e_inliers,
 };

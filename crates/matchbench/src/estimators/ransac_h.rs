@@ -8,6 +8,6 @@ use super::Preset;
 pub(super) const RANSAC_H: Preset<HomographyParams> = Preset {
     id: "ransac-h",
     summary: "homography by four-point RANSAC at 3 pixels, refined over its inliers: the baseline",
-    reference: "Fischler, Bolles, \"Random Sample Consensus\", CACM 24(6), 1981; Hartley, Zisserman, \"Multiple View Geometry in Computer Vision\", 2nd edition, 2004, alg. 4.6",
+    reference: "M. A. Fischler, R. C. Bolles, \"Random Sample Consensus: A Paradigm for Model Fitting with Applications to Image Analysis and Automated Cartography\", Communications of the ACM 24(6), 1981; R. Hartley, A. Zisserman, \"Multiple View Geometry in Computer Vision\", Cambridge University Press, 2004, alg. 4.6",
     defaults: presets::ransac_h,
 };

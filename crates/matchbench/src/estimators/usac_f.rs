@@ -9,6 +9,6 @@ use super::Preset;
 pub(super) const USAC_F: Preset = Preset {
     id: "usac-f",
     summary: "fundamental matrix by PROSAC with local optimisation, 1.5 pixels",
-    reference: "Raguram, Chum, Pollefeys, Matas, Frahm, \"USAC: A Universal Framework for Random Sample Consensus\", PAMI 35(8), 2013",
+    reference: "R. Raguram, O. Chum, M. Pollefeys, J. Matas, J.-M. Frahm, \"USAC: A Universal Framework for Random Sample Consensus\", IEEE Transactions on Pattern Analysis and Machine Intelligence 35(8), 2013",
     defaults: presets::usac_f,
 };

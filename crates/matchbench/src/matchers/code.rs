@@ -28,7 +28,7 @@ impl MatcherEntry for CodeEntry {
     }
 
     fn reference(&self) -> &'static str {
-        "W.-Y. Lin et al., \"CODE: Coherence Based Decision Boundaries for Feature \
+        "W.-Y. Lin, F. Wang, M.-M. Cheng, S.-K. Yeung, P. H. S. Torr, M. N. Do, J. Lu, \"CODE: Coherence Based Decision Boundaries for Feature \
          Correspondence\", IEEE Transactions on Pattern Analysis and Machine Intelligence 40(1), 2018"
     }
 

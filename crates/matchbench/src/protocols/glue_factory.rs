@@ -16,7 +16,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const GLUE_FACTORY: Protocol = Protocol {
     id: "glue-factory",
     summary: "glue-factory on MegaDepth-1500, with an estimator of PoseLib's kind",
-    reference: "Lindenberger, Sarlin, Pollefeys, \"LightGlue: Local Feature Matching at Light Speed\", ICCV 2023",
+    reference: "P. Lindenberger, P.-E. Sarlin, M. Pollefeys, \"LightGlue: Local Feature Matching at Light Speed\", ICCV 2023",
     source: "cvg/glue-factory: gluefactory/eval/megadepth1500.py, eval/utils.py, robust_estimators/relative_pose/poselib.py",
     size: SizeRule::LongSide(1600),
     estimator: EstimatorRule::Of {

@@ -19,7 +19,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const IMC: Protocol = Protocol {
     id: "imc",
     summary: "the stereo task of the Image Matching Challenge 2020, with an estimator of DEGENSAC's kind",
-    reference: "Jin, Mishkin, Mishchuk, Matas, Fua, Yi, Trulls, \"Image Matching across Wide Baselines: From Paper to Practice\", IJCV 129(2), 2021",
+    reference: "Y. Jin, D. Mishkin, A. Mishchuk, J. Matas, P. Fua, K. M. Yi, E. Trulls, \"Image Matching across Wide Baselines: From Paper to Practice\", International Journal of Computer Vision 129(2), 2021",
     source: "ubc-vision/image-matching-benchmark: methods/geom_models/geom_cmp.py, utils/eval_helper.py, utils/pack_helper.py, example/configs",
     size: SizeRule::AsIs,
     estimator: EstimatorRule::Of {

@@ -18,7 +18,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const LOFTR: Protocol = Protocol {
     id: "loftr",
     summary: "LoFTR on MegaDepth-1500",
-    reference: "Sun, Shen, Wang, Bao, Zhou, \"LoFTR: Detector-Free Local Feature Matching with Transformers\", CVPR 2021",
+    reference: "J. Sun, Z. Shen, Y. Wang, H. Bao, X. Zhou, \"LoFTR: Detector-Free Local Feature Matching with Transformers\", CVPR 2021",
     source: "zju3dv/LoFTR: src/utils/metrics.py, src/utils/dataset.py, src/datasets/megadepth.py",
     size: SizeRule::LongSide(840),
     estimator: EstimatorRule::Of {

@@ -14,7 +14,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const MATCHBENCH: Protocol = Protocol {
     id: "matchbench",
     summary: "the paper of this benchmark; that of every run without another",
-    reference: "Bian, Yang, Liu, Zhang, Cheng, Reid, Wu, \"MatchBench: An Evaluation of Feature Matchers\", 2018",
+    reference: "J. Bian, R. Yang, Y. Liu, L. Zhang, M.-M. Cheng, I. Reid, W. Wu, \"MatchBench: An Evaluation of Feature Matchers\", 2018",
     source: "the paper and its authors' published results",
     size: SizeRule::AsIs,
     estimator: EstimatorRule::Own,

@@ -15,7 +15,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const ROMA: Protocol = Protocol {
     id: "roma",
     summary: "DKM and RoMa on MegaDepth-1500",
-    reference: "Edstedt, Sun, Bökman, Wadenbäck, Felsberg, \"RoMa: Robust Dense Feature Matching\", CVPR 2024",
+    reference: "J. Edstedt, Q. Sun, G. Bökman, M. Wadenbäck, M. Felsberg, \"RoMa: Robust Dense Feature Matching\", CVPR 2024",
     source: "Parskatt/RoMa: benchmarks/megadepth_pose_estimation_benchmark.py, utils/utils.py",
     size: SizeRule::LongSide(1200),
     estimator: EstimatorRule::Of {

@@ -19,7 +19,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const SUPERGLUE: Protocol = Protocol {
     id: "superglue",
     summary: "SuperGlue on ScanNet-1500",
-    reference: "Sarlin, DeTone, Malisiewicz, Rabinovich, \"SuperGlue: Learning Feature Matching with Graph Neural Networks\", CVPR 2020",
+    reference: "P.-E. Sarlin, D. DeTone, T. Malisiewicz, A. Rabinovich, \"SuperGlue: Learning Feature Matching with Graph Neural Networks\", CVPR 2020",
     source: "magicleap/SuperGluePretrainedNetwork: match_pairs.py, models/utils.py",
     size: SizeRule::Exactly(640, 480),
     estimator: EstimatorRule::Of {

@@ -15,7 +15,7 @@ use super::{Centres, EstimatorRule, Focal, Pixels, Protocol, SizeRule};
 pub const ZEB: Protocol = Protocol {
     id: "zeb",
     summary: "the zero-shot evaluation benchmark of GIM; its score is the mean over its twelve sets",
-    reference: "Shen, Cai, Yin, Müller, Li, Wang, Chen, Wang, \"GIM: Learning Generalizable Image Matcher From Internet Videos\", ICLR 2024",
+    reference: "X. Shen, Z. Cai, W. Yin, M. Müller, Z. Li, K. Wang, X. Chen, C. Wang, \"GIM: Learning Generalizable Image Matcher From Internet Videos\", ICLR 2024",
     source: "xuelunshen/gim: test.py, tools/metrics.py, analysis.py, TEST_ROOT_SIFT.sh",
     size: SizeRule::AsIs,
     estimator: EstimatorRule::Of {

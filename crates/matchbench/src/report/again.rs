@@ -27,6 +27,8 @@ pub(super) struct Again {
     pub(super) scoring: Vec<String>,
     /// Whether another run of the same plan gives other numbers.
     pub(super) varies: bool,
+    /// What the commands do not compute, and why.
+    pub(super) missing: Vec<String>,
 }
 
 /// How the results on one dataset are computed again.
@@ -42,6 +44,8 @@ pub(super) struct DatasetAgain {
     pub(super) origin: String,
     /// The command that makes the dataset from the published data, if it is known.
     pub(super) import: Option<String>,
+    /// What the commands need that this program does not have, one for each matcher that is not built in.
+    pub(super) needs: Vec<String>,
     /// The command that runs all methods on it, if one command can do it, and the commands that show the
     /// scores.
     pub(super) whole: Vec<String>,
@@ -86,14 +90,18 @@ impl Again {
         };
         let names: Vec<&str> = plan.datasets.iter().map(|dataset| &*dataset.name).collect();
         let datasets: Vec<&DatasetPlan> = plan.datasets.iter().collect();
-        let all = command_line::whole(&plan, &datasets, ALL);
+        let all = command_line::whole(&plan, &datasets, ALL).filter(|_| datasets.len() > 1);
+        let datasets: Vec<DatasetAgain> = (plan.datasets.iter().zip(file_names(&names)))
+            .map(|(dataset, file)| DatasetAgain::of(content, &plan, dataset, &file))
+            .collect();
+        let missing = match &all {
+            Some(_) => Vec::new(),
+            None => missing(&datasets, plan.shard.is_some()),
+        };
         Self {
-            datasets: (plan.datasets.iter().zip(file_names(&names)))
-                .map(|(dataset, file)| DatasetAgain::of(content, &plan, dataset, &file))
-                .collect(),
-            all: all
-                .filter(|_| datasets.len() > 1)
-                .map(|line| line.to_string()),
+            datasets,
+            missing,
+            all: all.map(|line| line.to_string()),
             varies: plan.settings.time_budget_ms.is_some(),
             version: plan.version,
             scoring: Vec::new(),
@@ -119,10 +127,18 @@ impl Again {
         } else {
             "every number but times, to the last digit"
         };
+        let what = if self.missing.is_empty() {
+            "the report"
+        } else {
+            "results of the report"
+        };
         line(&format!(
-            "# Computes the report again, with matchbench {}: {same}.",
+            "# Computes {what} again, with matchbench {}: {same}.",
             self.version
         ));
+        for missing in &self.missing {
+            line(&format!("# Not computed: {missing}."));
+        }
         for dataset in &self.datasets {
             let DatasetAgain {
                 name,
@@ -139,6 +155,9 @@ impl Again {
                 line(&format!("# {}", dataset.origin));
             }
             dataset.import.iter().for_each(|command| line(command));
+            for need in &dataset.needs {
+                line(&format!("# Needs {need}."));
+            }
             if self.all.is_none() {
                 dataset.whole.iter().for_each(|command| line(command));
             }
@@ -196,7 +215,12 @@ impl DatasetAgain {
         });
         let out = format!("{ALL}-{file}");
         let whole = command_line::whole(plan, &[dataset], &out);
-        let cells = (command_line::matchers_on(plan, dataset).into_iter())
+        let matchers = command_line::matchers_on(plan, dataset);
+        let needs = matchers
+            .iter()
+            .filter_map(|matcher| needs(matcher, dataset));
+        let needs = needs.collect();
+        let cells = (matchers.into_iter())
             .flat_map(|matcher| matcher.estimators.iter().map(move |e| (matcher, e)))
             .map(|planned| CellAgain::of(plan, dataset, planned));
         Self {
@@ -205,6 +229,7 @@ impl DatasetAgain {
             fingerprint: dataset.fingerprint.clone(),
             origin,
             import,
+            needs,
             whole: whole.map_or(Vec::new(), |line| {
                 vec![line.to_string(), eval(&out), report(&out)]
             }),
@@ -221,19 +246,13 @@ impl CellAgain {
         (matcher, estimator): (&MatcherPlan, &EstimatorPlan),
     ) -> Self {
         let run = command_line::cell(plan, dataset, (matcher, estimator), CELL);
-        let note = match (&run, Origin::of(matcher)) {
-            (None, _) => {
+        let note = match run {
+            None => {
                 "no command asks for this part of the run; the plan says what it was".to_owned()
             }
-            (Some(_), Origin::Native) => String::new(),
-            (Some(_), Origin::Files) => {
-                "needs the files of these matches, whose hashes are in the plan".to_owned()
+            Some(_) => {
+                needs(matcher, dataset).map_or_else(String::new, |need| format!("needs {need}"))
             }
-            (Some(_), Origin::Outside) => format!(
-                "needs the program {} and its manifest, {}.toml",
-                matcher.version.as_deref().unwrap_or_default(),
-                matcher.id
-            ),
         };
         Self {
             method: method(&matcher.id, &estimator.id),
@@ -241,6 +260,45 @@ impl CellAgain {
             note,
         }
     }
+}
+
+/// What a matcher needs that is not built in.
+fn needs(matcher: &MatcherPlan, dataset: &DatasetPlan) -> Option<String> {
+    match Origin::of(matcher) {
+        Origin::Native => None,
+        Origin::Files => Some(format!(
+            "the files with the matches of {} in {}; their hashes are in the plan",
+            matcher.id,
+            command_line::place_of(matcher, dataset)
+        )),
+        Origin::Outside => Some(format!(
+            "the program {} and its manifest, {}.toml",
+            matcher.version.as_deref().unwrap_or_default(),
+            matcher.id
+        )),
+    }
+}
+
+/// What the commands of single datasets do not compute, and why.
+fn missing(datasets: &[DatasetAgain], is_shard: bool) -> Vec<String> {
+    let why = if is_shard {
+        "the plan is that of a shard, for which there is no command"
+    } else {
+        "its methods have options that one command can give only once; each method alone has a command"
+    };
+    let apart = datasets.iter().filter(|dataset| dataset.whole.is_empty());
+    let mut missing: Vec<String> = apart
+        .map(|DatasetAgain { name, .. }| {
+            format!("the run of all methods on {name} with its table and its report, since {why}")
+        })
+        .collect();
+    if missing.is_empty() && datasets.len() > 1 {
+        missing.push(
+            "the table and the report of all datasets together, since no single command runs all of them; each has its own"
+                .to_owned(),
+        );
+    }
+    missing
 }
 
 /// The commands that make a built-in scene that was rendered for a demo.
@@ -263,7 +321,68 @@ fn report(run: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
+    use super::super::names::defaults;
+    use super::super::tests;
     use super::*;
+
+    /// What is said of a run of two sources of files, where the second one's first pixel has its centre here.
+    fn of_files(center: f64) -> Again {
+        let best = json!([{"id": "best", "params": defaults("best")}]);
+        let source = |id: &str, center: f64| {
+            json!({"id": id, "estimators": best, "params": {"datasets": [{
+                "name": "kitchen", "format": "npz", "pixel_center": center, "verified": false,
+                "files": [{"name": "kitchen", "count": 9, "blake3": "00"}],
+            }]}})
+        };
+        let plan = json!({
+            "version": "0.1.0",
+            "settings": {"seed": 7, "repetitions": 1, "limit": null},
+            "datasets": [
+                {"name": "kitchen", "path": "/x/kitchen", "frames": 3, "pairs": 3, "fingerprint": "ab"},
+            ],
+            "matchers": [source("a", 0.0), source("b", center)],
+        });
+        let mut content = tests::content(&[("kitchen", "a", 6), ("kitchen", "b", 2)]);
+        content.facts.plan = Some(plan.to_string());
+        Again::of(&content)
+    }
+
+    #[test]
+    fn matches_from_files_have_a_place_that_the_script_names() {
+        let script = of_files(0.0).script();
+        let run = "\nmatchbench run kitchen --matches a=MATCHES/a/kitchen --matches b=MATCHES/b/kitchen --matches-format npz";
+        for said in [
+            "# Computes the report again",
+            "\n# Needs the files with the matches of a in MATCHES/a/kitchen; their hashes are in the plan.\n",
+            run,
+            "\nmatchbench report again-kitchen\n",
+        ] {
+            assert!(script.contains(said), "{said}: {script}");
+        }
+        assert!(!script.contains("Not computed"), "{script}");
+    }
+
+    #[test]
+    fn the_script_says_what_it_does_not_compute() {
+        let again = of_files(0.5);
+        let script = again.script();
+        let head = "# Computes results of the report again";
+        let told = "# Not computed: the run of all methods on kitchen with its table and its report, since";
+        assert!(script.contains(head) && script.contains(told), "{script}");
+        assert!(!script.contains("\nmatchbench run"), "{script}");
+        let alone = again.datasets[0].cells[1].run.as_deref();
+        assert!(alone.is_some_and(|run| run.contains("b=MATCHES/b/kitchen")));
+        let dataset = |name: &str| DatasetAgain {
+            name: name.into(),
+            whole: vec!["a command".into()],
+            ..DatasetAgain::default()
+        };
+        let both = missing(&[dataset("a"), dataset("b")], false);
+        assert!(both[0].starts_with("the table and the report of all datasets together"));
+        assert_eq!(missing(&[dataset("a")], false), [""; 0]);
+    }
 
     #[test]
     fn the_script_promises_no_more_than_the_page() {

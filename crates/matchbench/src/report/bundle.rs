@@ -53,7 +53,7 @@ fn bundle(content: &Content, most: usize) -> Option<String> {
             ("auc.tex", render(Format::Latex, summaries)),
             ("auc-booktabs.tex", booktabs::render(summaries)),
             ("method.tex", method::latex(content)),
-            ("cite.bib", citations::render(summaries)),
+            ("cite.bib", citations::render(content)),
         ]
         .into_iter()
         .chain((!again.is_empty()).then(|| ("commands.sh", again.script())))

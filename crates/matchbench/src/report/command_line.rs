@@ -318,21 +318,16 @@ fn run(
     let mut line = CommandLine::new(["run".to_owned()].into_iter().chain(folders));
     let mut ids: Vec<String> = Vec::new();
     let mut settings = of_estimators;
-    // The options of files are those of all of them.
-    let files = matchers
-        .iter()
-        .filter(|matcher| Origin::of(matcher) == Origin::Files);
-    if files.count() > 1 {
-        return None;
-    }
-    for matcher in matchers {
+    let mut files: Vec<&MatcherPlan> = Vec::new();
+    for &matcher in matchers {
         match Origin::of(matcher) {
             Origin::Native => ids.push(matcher.id.clone()),
             Origin::Outside => ids.push(format!("{}.toml", matcher.id)),
-            Origin::Files => from_files(matcher, datasets, &mut line)?,
+            Origin::Files => files.push(matcher),
         }
         settings.extend(of_matcher(matcher));
     }
+    from_files(&files, datasets, &mut line)?;
     if !ids.is_empty() {
         line.push("--matchers", ids.join(","));
     }
@@ -392,30 +387,73 @@ fn of_matcher(matcher: &MatcherPlan) -> Settings {
     settings
 }
 
-/// Matches from files, by the names of the files; for several datasets, by the name of the folder that holds
-/// all of them.
-fn from_files(matcher: &MatcherPlan, of: &[&DatasetPlan], line: &mut CommandLine) -> Option<()> {
-    let datasets = matcher.params.get("datasets")?.as_array()?;
-    let its = datasets.iter().find(|its| its["name"] == of[0].name)?;
-    let files: Vec<&str> = match of {
-        [_] => (its["files"].as_array()?.iter())
-            .filter_map(|file| file["name"].as_str())
-            .collect(),
-        _ => vec![&matcher.id],
+/// The folder where commands expect the matches of a planned matcher that come from files; it has a folder for each
+/// dataset. Plans have no folders of the machine that they were made on.
+fn place(matcher: &MatcherPlan) -> String {
+    format!("MATCHES/{}", matcher.id)
+}
+
+/// The same for one dataset.
+pub(super) fn place_of(matcher: &MatcherPlan, dataset: &DatasetPlan) -> String {
+    format!("{}/{}", place(matcher), dataset.name)
+}
+
+/// Matches from files. For one dataset they are named as the plan has them, each or by their folder; for several, by
+/// the folder of all. The options of files are those of all of them: `None` if they are read in different ways.
+fn from_files(
+    matchers: &[&MatcherPlan],
+    of: &[&DatasetPlan],
+    line: &mut CommandLine,
+) -> Option<()> {
+    let mut ways: Vec<(&str, CommandLine)> = Vec::new();
+    for matcher in matchers {
+        let datasets = matcher.params.get("datasets")?.as_array()?;
+        let mut files = Vec::new();
+        for dataset in of {
+            let its = datasets.iter().find(|its| its["name"] == dataset.name)?;
+            ways.push((its["format"].as_str()?, way_of_reading(its)?));
+            let folder = place_of(matcher, dataset);
+            for file in its["files"].as_array()? {
+                files.push(match file["count"].as_u64()? {
+                    1 => format!("{folder}/{}", file["name"].as_str()?),
+                    _ => folder.clone(),
+                });
+            }
+        }
+        let named = match of {
+            [_] => files.join(","),
+            _ => place(matcher),
+        };
+        line.push("--matches", format!("{}={named}", matcher.id));
+    }
+    let Some((format, way)) = ways.first() else {
+        return Some(());
     };
-    line.push("--matches", format!("{}={}", matcher.id, files.join(",")));
-    line.push("--matches-format", its["format"].as_str()?);
-    line.push("--pixel-center", its["pixel_center"].to_string());
-    if let Some([width, height]) = its["resized"].as_array().map(Vec::as_slice) {
+    if ways.iter().any(|(_, other)| other != way) {
+        return None;
+    }
+    // Formats are recognised where none is named.
+    if ways.iter().all(|(other, _)| other == format) {
+        line.push("--matches-format", *format);
+    }
+    line.0.extend(way.0.iter().cloned());
+    Some(())
+}
+
+/// The options, but for the format, by which files are read as they were understood.
+fn way_of_reading(files: &Value) -> Option<CommandLine> {
+    let mut line = CommandLine(Vec::new());
+    line.push("--pixel-center", files["pixel_center"].to_string());
+    if let Some([width, height]) = files["resized"].as_array().map(Vec::as_slice) {
         line.push("--resized", format!("{width}x{height}"));
     }
-    if its["verified"] == true {
+    if files["verified"] == true {
         line.0.push("--verified".to_owned());
     }
-    for (key, value) in its["notes"].as_object().into_iter().flatten() {
+    for (key, value) in files["notes"].as_object().into_iter().flatten() {
         line.push("--note", format!("{key}={}", value.as_str()?));
     }
-    Some(())
+    Some(line)
 }
 
 /// The parameters in `params` that differ from `usual`, as `ID.NAME`. A list is one value.

@@ -78,6 +78,13 @@ impl Content {
         }
     }
 
+    /// How many pairs of a dataset were scored, if any were: a run may take only some of them.
+    pub(super) fn scored_pairs(&self, dataset: &str) -> Option<usize> {
+        let sets = self.summaries.iter().filter(|set| set.dataset == dataset);
+        sets.map(|set| set.pairs / set.repetitions.max(1) as usize)
+            .max()
+    }
+
     /// The plan of the run, as this version would write it: commands are for this version. `None` if the results
     /// did not come from a run.
     pub(super) fn plan(&self) -> Option<Plan> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::datasets::{Sequence, describe};
+use crate::datasets::{Sequence, describe, reference};
 use crate::metrics::{PairResult, Portion};
 
 use super::Thumbnail;
@@ -59,6 +59,11 @@ impl DatasetFacts {
                 .and_then(|frame| frame.planes().ok())
                 .map(|planes| Thumbnail::new(&planes, EMBEDDED.0, EMBEDDED.1)),
         }
+    }
+
+    /// The paper of those whose data it has, if that is known.
+    pub(super) fn reference(&self) -> Option<&'static str> {
+        reference(&self.import, &self.origin)
     }
 
     /// `640 x 480`, or a dash.

@@ -58,7 +58,7 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     for (name, text) in [
         ("method.md", method::markdown(content)),
         ("method.tex", method::latex(content)),
-        ("cite.bib", citations::render(summaries)),
+        ("cite.bib", citations::render(content)),
     ] {
         out.write(&cite.join(name), text.as_bytes())?;
     }
@@ -67,7 +67,7 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         out.write(&cite.join("commands.sh"), again.script().as_bytes())?;
     }
     if !content.datasets.is_empty() {
-        let table = dataset_table::latex(&content.datasets);
+        let table = dataset_table::latex(content);
         out.write(&tables.join("datasets.tex"), table.as_bytes())?;
     }
     let pairs = columns(content);

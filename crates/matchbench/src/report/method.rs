@@ -7,10 +7,12 @@ use serde_json::Value;
 
 use crate::counted::counted;
 use crate::metrics::{Bootstrap, Model, Portion};
-use crate::records::Plan;
+use crate::records::{MatcherPlan, Plan};
 
-use super::citations::{BENCHMARK, TOOL, citations};
+use super::citations::{BENCHMARK, CORNER_AUC, CORNER_ERROR, TOOL, citations};
+use super::command_line::Origin;
 use super::content::Content;
+use super::dataset_facts::DatasetFacts;
 use super::latex;
 use super::markdown;
 use super::names::{defaults, references, title};
@@ -64,21 +66,25 @@ fn pieces(content: &Content) -> Vec<Piece> {
         return pieces;
     }
     let of = |model| summaries.iter().any(|summary| summary.model == model);
-    let judged = match [Model::Pose, Model::Homography].map(of) {
-        [true, true] => "the relative poses and homographies",
-        [false, true] => "the homographies",
-        [_, false] => "the relative poses",
+    say("Matchers are judged by ".to_owned());
+    // The paper of the benchmark has no homographies.
+    if of(Model::Pose) {
+        say("the relative poses they lead to, as in MatchBench".to_owned());
+        pieces.push(Piece::Cite(vec![BENCHMARK.to_owned()]));
+    }
+    let homographies = match [Model::Pose, Model::Homography].map(of) {
+        [true, true] => ", and by the homographies they lead to",
+        [false, true] => "the homographies they lead to",
+        [_, false] => "",
     };
-    say(format!(
-        "Matchers are judged by {judged} they lead to, as in MatchBench"
-    ));
-    pieces.push(Piece::Cite(vec![BENCHMARK.to_owned()]));
     pieces.push(Piece::Text(format!(
-        ", with matchbench {}",
+        "{homographies}, with matchbench {}",
         env!("CARGO_PKG_VERSION")
     )));
     pieces.push(Piece::Cite(vec![TOOL.to_owned()]));
-    pieces.push(Piece::Text(format!(". The data are {}. ", data(content))));
+    pieces.push(Piece::Text(". The data are ".to_owned()));
+    data(content, &mut pieces);
+    pieces.push(Piece::Text(". ".to_owned()));
 
     let mut matchers: Vec<&str> = Vec::new();
     let mut estimators: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -100,7 +106,9 @@ fn pieces(content: &Content) -> Vec<Piece> {
     pieces.push(Piece::Text("The matchers are ".to_owned()));
     for (i, matcher) in matchers.iter().enumerate() {
         let params = planned().map(|planned| (&*planned.id, &planned.params));
-        let name = title(matcher) + &changed(params, matcher);
+        let outside = planned().find(|planned| planned.id == *matcher);
+        let outside = outside.and_then(from_outside);
+        let name = title(matcher) + &outside.unwrap_or_else(|| changed(params, matcher));
         push(
             &mut pieces,
             i,
@@ -137,8 +145,37 @@ fn pieces(content: &Content) -> Vec<Piece> {
             &references("", estimator)[1..],
         );
     }
-    pieces.push(Piece::Text(protocol(content, plan.as_ref())));
+    protocol(content, plan.as_ref(), &mut pieces);
     pieces
+}
+
+/// Where the matches of a planned matcher come from, if it is not built in: ` (from outside: NAME 1.2)`.
+fn from_outside(matcher: &MatcherPlan) -> Option<String> {
+    let (source, mut facts) = match Origin::of(matcher) {
+        Origin::Native => return None,
+        // A plan that does not say how a built-in matcher gets its features.
+        _ if defaults(&matcher.id).is_some() => return None,
+        Origin::Files => ("from files", Vec::new()),
+        Origin::Outside => ("from outside", matcher.version.iter().cloned().collect()),
+    };
+    if Origin::of(matcher) == Origin::Outside {
+        differences("", &matcher.params, &Value::Null, &mut facts);
+    }
+    let files = matcher.params.get("datasets").and_then(Value::as_array);
+    for files in files.into_iter().flatten() {
+        let format = files["format"].as_str().map(str::to_owned);
+        let notes = files["notes"].as_object().into_iter().flatten();
+        let notes = notes.filter_map(|(key, value)| Some(format!("{key} = {}", value.as_str()?)));
+        for fact in format.into_iter().chain(notes) {
+            if !facts.contains(&fact) {
+                facts.push(fact);
+            }
+        }
+    }
+    Some(match facts.len() {
+        0 => format!(" ({source})"),
+        _ => format!(" ({source}: {})", facts.join(", ")),
+    })
 }
 
 /// Adds one of several names, with its papers.
@@ -149,38 +186,59 @@ fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, papers: &
         _ => ", ",
     };
     pieces.push(Piece::Text(format!("{between}{name}")));
-    let papers = papers.iter().copied().flatten().flat_map(citations);
-    let keys: Vec<String> = papers.map(|paper| paper.key).collect();
-    if !keys.is_empty() {
-        pieces.push(Piece::Cite(keys));
+    cite(pieces, papers.iter().copied().flatten());
+}
+
+/// Cites papers, and says first what those have to do with it that are not the method itself.
+fn cite<'p>(pieces: &mut Vec<Piece>, papers: impl Iterator<Item = &'p str>) {
+    let (others, own): (Vec<_>, Vec<_>) = papers
+        .flat_map(citations)
+        .partition(|paper| paper.role.is_some());
+    for other in others {
+        let role = other.role.unwrap_or_default();
+        pieces.push(Piece::Text(format!(" ({role}")));
+        pieces.push(Piece::Cite(vec![other.key]));
+        pieces.push(Piece::Text(")".to_owned()));
+    }
+    if !own.is_empty() {
+        pieces.push(Piece::Cite(
+            own.into_iter().map(|paper| paper.key).collect(),
+        ));
     }
 }
 
-/// Datasets, pairs and sizes: `room (10 pairs of fragments, 640 × 480 pixels)`.
-fn data(content: &Content) -> String {
-    let mut names: Vec<String> = Vec::new();
+/// Datasets, pairs and sizes, with the papers of their sources:
+/// `room (10 of 435 pairs of fragments, 640 × 480 pixels) [...]`.
+fn data(content: &Content, pieces: &mut Vec<Piece>) {
     let mut seen: Vec<&str> = Vec::new();
     for summary in &content.summaries {
         if seen.contains(&&*summary.dataset) {
             continue;
         }
+        let between = if seen.is_empty() { "" } else { ", " };
         seen.push(&summary.dataset);
-        let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
-        let portion = match summary.portion {
-            Portion::Fragments => " of fragments",
-            Portion::Other => "",
-        };
-        let mut text = format!("{} ({pairs}{portion}", summary.dataset);
         let facts = content
             .datasets
             .iter()
             .find(|facts| facts.name == summary.dataset);
+        let scored = content.scored_pairs(&summary.dataset).unwrap_or_default();
+        let pairs = match facts {
+            Some(facts) if facts.pairs != scored => {
+                format!("{scored} of {}", counted(facts.pairs, "pair"))
+            }
+            _ => counted(scored, "pair"),
+        };
+        let portion = match summary.portion {
+            Portion::Fragments => " of fragments",
+            Portion::Other => "",
+        };
+        let mut text = format!("{between}{} ({pairs}{portion}", summary.dataset);
         if let Some((width, height)) = facts.and_then(|facts| facts.resolution) {
             let _ = write!(text, ", {width} × {height} pixels");
         }
-        names.push(text + ")");
+        pieces.push(Piece::Text(text + ")"));
+        cite(pieces, facts.and_then(DatasetFacts::reference).into_iter());
     }
-    names.join(", ")
 }
 
 /// Parameters of the plan that are not the defaults: ` (ratio = 0.7)`.
@@ -214,7 +272,7 @@ fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<Strin
     }
 }
 
-fn protocol(content: &Content, plan: Option<&Plan>) -> String {
+fn protocol(content: &Content, plan: Option<&Plan>, pieces: &mut Vec<Piece>) {
     let bootstrap = Bootstrap::default();
     let repetitions = content
         .summaries
@@ -235,9 +293,16 @@ fn protocol(content: &Content, plan: Option<&Plan>) -> String {
     if of(Model::Homography) {
         text.push_str(
             "The error of a homography is the mean distance at which it and the true one see the four corners \
-             of the first image, and its AUC at k pixels the exact area under recall over this error up to k \
-             pixels. ",
+             of the first image",
         );
+        pieces.push(Piece::Text(std::mem::take(&mut text)));
+        cite(pieces, [CORNER_ERROR].into_iter());
+        text.push_str(
+            ", and its AUC at k pixels the exact area under recall over this error up to k pixels",
+        );
+        pieces.push(Piece::Text(std::mem::take(&mut text)));
+        cite(pieces, [CORNER_AUC].into_iter());
+        text.push_str(". ");
     }
     let _ = write!(
         text,
@@ -260,7 +325,7 @@ fn protocol(content: &Content, plan: Option<&Plan>) -> String {
     for note in protocol_notes(&content.summaries) {
         let _ = write!(text, " Where an estimator is called {note}.");
     }
-    text
+    pieces.push(Piece::Text(text));
 }
 
 #[cfg(test)]
@@ -288,13 +353,13 @@ mod tests {
             "room (10 pairs)",
             "SIFT (ratio = 0.7) [@lowe2004",
             "GMS [@bian2017gms] and mine\\_2.",
-            "ransac-e (threshold\\_px = 3.0) (for SIFT, mine\\_2) [@nist",
-            "rich (for GMS)",
+            "ransac-e (threshold\\_px = 3.0) (for SIFT, mine\\_2) [@nister2004efficient",
+            "rich (for GMS) (our substitute for the unpublished estimator of [@lin2016repmatch]) [@lebeda2012fixing]",
             "the seed 7",
         ] {
             assert!(text.contains(said), "{said}: {text}");
         }
-        let bib = super::super::citations::render(&content.summaries);
+        let bib = super::super::citations::render(&content);
         for key in text.split('@').skip(1) {
             let key = key.split([';', ']']).next().expect("a key");
             assert!(bib.contains(&format!("{{{key},")), "{key}");
@@ -316,12 +381,61 @@ mod tests {
     }
 
     #[test]
-    fn homographies_are_no_poses() {
+    fn homographies_are_no_poses_and_not_of_the_paper() {
         let mut content = content(&[("room", "sift", 6)]);
+        let error = "see the four corners of the first image [@detone2018superpoint], and its AUC";
+        assert!(!markdown(&content).contains(error));
         content.summaries.push(homographies("room", "sift"));
-        assert!(markdown(&content).contains("by the relative poses and homographies they lead to"));
+        let both = "by the relative poses they lead to, as in MatchBench [@matchbench-paper], and by the homographies \
+                    they lead to, with matchbench ";
+        let text = markdown(&content);
+        assert!(text.contains(both) && text.contains(error), "{text}");
         content.summaries.remove(0);
-        assert!(markdown(&content).contains("by the homographies they lead to"));
+        let text = markdown(&content);
+        assert!(text.starts_with("Matchers are judged by the homographies they lead to, with"));
+        assert!(
+            text.contains(error) && text.contains("up to k pixels [@sarlin2020superglue]. Failed")
+        );
+        assert!(!text.contains("MatchBench"), "{text}");
+    }
+
+    #[test]
+    fn sources_of_data_and_of_matches_are_named() {
+        let mut content = content(&[("room", "loma", 6), ("room", "mine", 9)]);
+        content.datasets = vec![DatasetFacts {
+            name: "room".into(),
+            portion: Portion::Other,
+            frames: 30,
+            pairs: 435,
+            resolution: None,
+            origin: "Strecha et al. 2008, castle; pairs all".into(),
+            property: String::new(),
+            import: Vec::new(),
+            thumbnail: None,
+        }];
+        let plan = serde_json::json!({
+            "version": "0.1.0", "settings": {"seed": 7, "repetitions": 1, "limit": null}, "datasets": [],
+            "matchers": [
+                {"id": "loma", "params": {"datasets": [
+                    {"name": "room", "format": "npz", "notes": {"model": "LoMa 1.1"}},
+                    {"name": "hall", "format": "npz", "notes": {"model": "LoMa 1.1"}},
+                ]}, "estimators": []},
+                {"id": "mine", "version": "mine 2.1", "params": {"size": 1024}, "estimators": []},
+            ],
+        });
+        content.facts.plan = Some(plan.to_string());
+        let text = plain(&content);
+        for said in [
+            "The data are room (10 of 435 pairs) [strecha2008benchmarking]. ",
+            "loma (from files: npz, model = LoMa 1.1) and mine (from outside: mine 2.1, size = 1024).",
+        ] {
+            assert!(text.contains(said), "{said}: {text}");
+        }
+        let bib = super::super::citations::render(&content);
+        assert!(
+            bib.contains("@inproceedings{strecha2008benchmarking,"),
+            "{bib}"
+        );
     }
 
     #[test]

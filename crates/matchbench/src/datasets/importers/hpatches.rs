@@ -18,14 +18,22 @@ use crate::datasets::DatasetError;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let mut series = Series::default();
-    if is_series(src, name) && options.sequence.is_none() {
+    let mut sequence = options.sequence.clone();
+    if is_series(src, name) && sequence.is_none() {
         series.add(src, "", name)?;
     } else {
-        for folder in folders(src, options.sequence.as_deref())? {
+        let folders = folders(src, sequence.as_deref())?;
+        for folder in &folders {
             series.add(&src.join(folder), "", name)?;
         }
+        if let [only] = &folders[..] {
+            sequence.get_or_insert_with(|| only.clone());
+        }
     }
-    Ok(series.finish(format!("HPatches, {}", base_name(src))))
+    Ok(Imported {
+        sequence,
+        ..series.finish(format!("HPatches, {}", base_name(src)))
+    })
 }
 
 /// The name of a homography.

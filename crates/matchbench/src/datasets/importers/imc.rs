@@ -224,6 +224,7 @@ fn read_labels(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
             notes,
             ..About::default()
         },
+        sequence: Some(format!("{}/{}", wanted.0, wanted.1)),
         ..Imported::of(frames)
     })
 }

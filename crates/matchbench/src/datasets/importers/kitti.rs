@@ -68,6 +68,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes,
             ..About::default()
         },
+        sequence: Some(number),
         ..Imported::of(frames)
     })
 }
@@ -104,8 +105,11 @@ fn choose(src: &Path, wanted: Option<&str>) -> Result<String, DatasetError> {
         };
     };
     let padded = format!("{wanted:0>2}");
-    if found.contains(&padded) {
-        return Ok(padded);
+    if let Some(number) = [wanted, padded.as_str()]
+        .into_iter()
+        .find(|name| found.iter().any(|own| own == *name))
+    {
+        return Ok(number.to_owned());
     }
     Err(DatasetError::new(
         folder,

@@ -17,6 +17,7 @@ mod once;
 mod options;
 mod oxford;
 mod pickle;
+mod references;
 mod rendered;
 mod scannet;
 mod seven_scenes;
@@ -33,6 +34,7 @@ use matchbench_vision::geometry::Camera;
 
 pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
+pub use references::reference;
 
 use super::images::{image_files, unread_image_files};
 use super::listed::is_there;
@@ -194,6 +196,8 @@ pub struct Imported {
     pub pairs: Option<Vec<Pair>>,
     /// The points that each frame sees, without repetition, if the source has them.
     pub seen: Option<Vec<Vec<u64>>>,
+    /// The sequence that was read, if the source may hold several: as the option of a sequence asks for it.
+    pub sequence: Option<String>,
 }
 
 /// What an import wrote.
@@ -228,7 +232,7 @@ impl Imported {
             },
             frames,
             pairs: Some(pairs),
-            seen: None,
+            ..Self::default()
         }
     }
 
@@ -295,6 +299,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
     let mut about = imported.about.clone();
     let rule = options.pairs.as_ref().or(kind.default_pairs.as_ref());
     let found = imported.frames.len();
+    let sequence = imported.sequence.clone();
     let (frames, pairs) = imported.paired(rule)?;
     if pairs.is_empty() {
         let by = rule.map_or(String::new(), |rule| format!(" under the rule {rule}"));
@@ -313,7 +318,13 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         about.notes.extend(missing_images(&frames));
     }
     about.property = options.property.clone().unwrap_or_default();
-    about.import = options.words(kind, (src, &source_name(src, scene)), rule);
+    // What was chosen here is asked for, since the source may hold more elsewhere.
+    let resolved = ImportOptions {
+        sequence,
+        pairs: rule.cloned(),
+        ..options.clone()
+    };
+    about.import = resolved.words(kind, (src, &source_name(src, scene)));
     Ok(Made {
         sequence: Sequence {
             name: String::new(), // the folder's

@@ -112,12 +112,7 @@ impl ImportOptions<'_> {
     /// the source are named relative to it.
     ///
     /// [`About::import`]: crate::datasets::About::import
-    pub(super) fn words(
-        &self,
-        kind: &Kind,
-        (src, source): (&Path, &str),
-        rule: Option<&PairRule>,
-    ) -> Vec<String> {
+    pub(super) fn words(&self, kind: &Kind, (src, source): (&Path, &str)) -> Vec<String> {
         let below = |path: &Path| {
             let [path, src] = [path, src].map(|path| path.canonicalize().ok());
             let rest = path?.strip_prefix(src?).ok()?.to_owned();
@@ -131,7 +126,7 @@ impl ImportOptions<'_> {
                 .to_string_lossy()
                 .into_owned()
         };
-        let rule = rule.map(|rule| match rule {
+        let rule = self.pairs.as_ref().map(|rule| match rule {
             PairRule::List { file } => format!("list:{}", name(file)),
             rule => rule.to_string(),
         });
@@ -176,5 +171,75 @@ impl ImportOptions<'_> {
         ]
         .into_iter()
         .filter_map(|(option, given)| given.then_some(option))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::source;
+    use super::super::{import, read_source};
+    use super::*;
+    use crate::datasets::describe;
+
+    /// The last arguments that are noted of an import from these files without an option, but for the rule of the
+    /// pairs; and whether they read the same again.
+    fn noted(kind: &str, files: &[(&str, &str)], file: &str) -> Vec<String> {
+        let (folder, src) = source("source", files);
+        let (src, out) = (src.join(file), folder.path().join("out"));
+        import(kind, &src, &out, &ImportOptions::default()).expect("it has the layout");
+        let words = describe(&out).expect("it was just written").import;
+        let sequence = (words.iter().position(|word| word == "--sequence"))
+            .map(|place| words[place + 1].clone());
+        let named = ImportOptions {
+            sequence: sequence.clone(),
+            ..ImportOptions::default()
+        };
+        let read = |options| read_source(kind, &src, options).expect("it was imported");
+        assert_eq!(read(&named).frames, read(&ImportOptions::default()).frames);
+        sequence.into_iter().collect()
+    }
+
+    #[test]
+    fn the_sequence_that_was_found_is_noted() {
+        let poses = "1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n";
+        let kitti = [
+            ("sequences/06/image_0/000000.png", ""),
+            ("sequences/06/image_0/000001.png", ""),
+            ("sequences/06/calib.txt", "P0: 20 0 12 0 0 20 8 0 0 0 1 0\n"),
+            ("poses/06.txt", poses),
+        ];
+        assert_eq!(noted("kitti", &kitti, ""), ["06"]);
+        let pose = |x: u32| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+        let (first, second) = (pose(0), pose(1));
+        for (folder, expected) in [("seq-03/", &["03"][..]), ("", &[])] {
+            let files = [
+                ("frame-000000.color.png", ""),
+                ("frame-000000.pose.txt", &*first),
+                ("frame-000001.color.png", ""),
+                ("frame-000001.pose.txt", &*second),
+            ]
+            .map(|(name, text)| (format!("{folder}{name}"), text));
+            let files = files.each_ref().map(|(name, text)| (&**name, *text));
+            assert_eq!(noted("7scenes", &files, ""), expected);
+        }
+        let labels = "dataset,scene,image,rotation_matrix,translation_vector\n\
+                      fort,wall,a.png,1;0;0;0;1;0;0;0;1,0;0;0\nfort,wall,b.png,1;0;0;0;1;0;0;0;1,2;0;0\n";
+        let imc = [
+            ("train_labels.csv", labels),
+            ("train/fort/a.png", ""),
+            ("train/fort/b.png", ""),
+        ];
+        assert_eq!(noted("imc", &imc, "train_labels.csv"), ["fort/wall"]);
+        let shift = "1 0 2\n0 1 0\n0 0 1\n";
+        let series = |name| {
+            [("1.png", ""), ("2.png", ""), ("H_1_2", shift)]
+                .map(|(file, text)| (format!("{name}/{file}"), text))
+        };
+        let (wall, boat) = (series("v_wall"), series("v_boat"));
+        let both: Vec<_> = (wall.iter().chain(&boat))
+            .map(|(name, text)| (&**name, *text))
+            .collect();
+        assert_eq!(noted("hpatches", &both[..3], ""), ["v_wall"]);
+        assert_eq!(noted("hpatches", &both, ""), [""; 0], "all of them");
     }
 }

@@ -14,7 +14,7 @@
 //! source.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
@@ -39,7 +39,11 @@ const DEPTH: DepthUnit = DepthUnit {
 };
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let folder = choose(src, options.sequence.as_deref())?;
+    let number = choose(src, options.sequence.as_deref())?;
+    let folder = (number.as_ref()).map_or_else(
+        || src.to_owned(),
+        |number| src.join(format!("seq-{number}")),
+    );
     let mut notes = Vec::new();
     // One camera took all sequences of a scene, so its file may lie beside their folders.
     let names = ["camera.txt", "K.txt"];
@@ -82,34 +86,40 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes,
             ..About::default()
         },
+        sequence: number,
         ..Imported::of(frames)
     })
 }
 
-/// The source itself if it holds frames, else the chosen one of its `seq-NN`, or the only one.
-fn choose(src: &Path, wanted: Option<&str>) -> Result<PathBuf, DatasetError> {
+/// The number of the chosen one of the folders `seq-NN`, or of the only one; `None` if there is none, and the source
+/// itself holds the frames.
+fn choose(src: &Path, wanted: Option<&str>) -> Result<Option<String>, DatasetError> {
     let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
     let mut found: Vec<String> = entries
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| name.starts_with("seq-") && src.join(name).is_dir())
+        .filter(|name| src.join(name).is_dir())
+        .filter_map(|name| Some(name.strip_prefix("seq-")?.to_owned()))
         .collect();
     found.sort();
-    let list = found.join(", ");
-    if let Some(number) = wanted {
-        let name = format!("seq-{number:0>2}");
-        return if found.contains(&name) {
-            Ok(src.join(name))
-        } else {
-            Err(DatasetError::new(
+    let list = found.iter().map(|number| format!("seq-{number}"));
+    let list = list.collect::<Vec<_>>().join(", ");
+    if let Some(wanted) = wanted {
+        let padded = format!("{wanted:0>2}");
+        return match found
+            .iter()
+            .find(|number| [wanted, padded.as_str()].contains(&number.as_str()))
+        {
+            Some(number) => Ok(Some(number.clone())),
+            None => Err(DatasetError::new(
                 src,
-                format!("there is no folder {name}"),
+                format!("there is no folder seq-{padded}"),
                 format!("those here: {list}"),
-            ))
+            )),
         };
     }
     match found.as_slice() {
-        [] => Ok(src.to_owned()),
-        [only] => Ok(src.join(only)),
+        [] => Ok(None),
+        [only] => Ok(Some(only.clone())),
         _ => Err(DatasetError::new(
             src,
             "there are several sequences",

@@ -205,6 +205,7 @@ fn kitti_takes_the_pose_with_the_number_of_the_image() {
         ..ImportOptions::default()
     };
     assert_eq!(read_source("kitti", &src, &with("6")).unwrap(), found);
+    assert_eq!(found.sequence.as_deref(), Some("06"));
     let error = read_source("kitti", &src, &with("08")).unwrap_err();
     assert!(error.to_string().contains("those here: 06"), "{error}");
     fs::create_dir(src.join("sequences/07")).unwrap();

@@ -137,7 +137,7 @@ fn each_origin_has_its_arguments() {
     assert_eq!(
         line(2),
         format!(
-            "matchbench run room --matches loma=a.npz --matches-format npz --pixel-center 0.5 \
+            "matchbench run room --matches loma=MATCHES/loma/room/a.npz --matches-format npz --pixel-center 0.5 \
              --note device=cuda --estimator best {rest}"
         )
     );
@@ -155,8 +155,9 @@ fn one_command_asks_for_all_where_one_can() {
     let room = |plan: &Plan| whole(plan, &[&plan.datasets[0]], "out").map(|line| line.to_string());
     let line = room(&plan).expect("each has its own estimator");
     assert!(
-        line.contains("room --matches loma=a.npz")
-            && line.contains("--matchers sift,code,mine.toml"),
+        line.contains(
+            "room --matches loma=MATCHES/loma/room/a.npz --matches-format npz --pixel-center"
+        ) && line.contains("--matchers sift,code,mine.toml"),
         "{line}"
     );
     assert!(!line.contains("--estimator"), "{line}");
@@ -185,6 +186,39 @@ fn one_command_asks_for_all_where_one_can() {
         number: 1,
     });
     assert_eq!(room(&plan), None);
+}
+
+#[test]
+fn several_sources_of_files_are_one_command_where_they_are_read_alike() {
+    let mut plan = every_origin();
+    let mut other = plan.matchers[2].clone();
+    other.id = "roma".into();
+    other.params["datasets"][0]["files"][0] = json!({"name": "npz", "count": 9, "blake3": "00"});
+    plan.matchers = vec![plan.matchers[2].clone(), other];
+    let line = |plan: &Plan| whole(plan, &[&plan.datasets[0]], "out").map(|line| line.to_string());
+    let both = "matchbench run room --matches loma=MATCHES/loma/room/a.npz --matches roma=MATCHES/roma/room";
+    let read = "--pixel-center 0.5 --note device=cuda --limit 50";
+    assert_eq!(
+        line(&plan)
+            .expect("one command can")
+            .split(" --sample")
+            .next(),
+        Some(&*format!("{both} --matches-format npz {read}"))
+    );
+    // Each format is known by its content, and all else is one option of all files.
+    plan.matchers[1].params["datasets"][0]["format"] = json!("hloc");
+    let said = line(&plan).expect("one command can");
+    assert!(said.starts_with(&format!("{both} {read}")), "{said}");
+    plan.matchers[1].params["datasets"][0]["pixel_center"] = json!(0.0);
+    assert_eq!(line(&plan), None);
+    plan.matchers.remove(1);
+    let mut more = plan.matchers[0].params["datasets"][0].clone();
+    more["name"] = json!("it's");
+    let its = plan.matchers[0].params["datasets"].as_array_mut();
+    its.expect("it is a list").push(more);
+    let datasets: Vec<&DatasetPlan> = plan.datasets.iter().collect();
+    let said = whole(&plan, &datasets, "out").map(|line| line.to_string());
+    assert!(said.is_some_and(|said| said.contains("--matches loma=MATCHES/loma --matches-format")));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::latex::{comment, escape};
 use super::figures::PaperFigure;
-use super::{NOTHING, RANKS, Sheet, SheetCell};
+use super::{NOTHING, RANKS, Sheet, SheetCell, SheetRow};
 
 /// How a published number is typeset: small and grey, after ours.
 const PUBLISHED: &str = "\\providecommand{\\published}[1]{{\\scriptsize\\textcolor{gray}{#1}}}\n";
@@ -41,14 +41,18 @@ pub(super) fn table(sheet: &Sheet) -> String {
         );
     }
     let heads: Vec<String> = sheet.heads.iter().map(|head| escape(head)).collect();
-    let _ = writeln!(text, "{} \\\\\n\\hline", heads.join(" & "));
-    for row in &sheet.rows {
-        let label = bold_if(row.is_baseline, escape(&row.label));
-        let cells: Vec<String> = row.cells.iter().map(cell).collect();
-        let _ = writeln!(text, "{label} & {} \\\\", cells.join(" & "));
-    }
+    let _ = writeln!(text, "{} \\\\", heads.join(" & "));
+    text.extend(sheet.under.iter().map(line));
+    text.push_str("\\hline\n");
+    text.extend(sheet.rows.iter().map(line));
     text.push_str("\\hline\n\\end{tabular}\n");
     text
+}
+
+fn line(row: &SheetRow) -> String {
+    let label = bold_if(row.is_baseline, escape(&row.label));
+    let cells: Vec<String> = row.cells.iter().map(cell).collect();
+    format!("{label} & {} \\\\\n", cells.join(" & "))
 }
 
 fn cell(cell: &SheetCell) -> String {
@@ -72,13 +76,20 @@ fn bold_if(bold: bool, text: String) -> String {
     }
 }
 
-/// A document that shows tables and figures; they stand beside it.
-pub(super) fn document(sheets: &[Sheet], figures: &[&PaperFigure]) -> String {
+/// A document that shows tables and figures, which stand beside it, and says first what is `lacking`.
+pub(super) fn document(
+    lacking: Option<&str>,
+    sheets: &[Sheet],
+    figures: &[&PaperFigure],
+) -> String {
     let mut text = String::from(
         "\\documentclass{article}\n\\usepackage[a4paper,margin=2cm]{geometry}\n\\usepackage{graphicx}\n\
          \\usepackage{xcolor}\n\\definecolor{green}{rgb}{0,0.6,0}\n\\begin{document}\n\
          \\section*{MatchBench: tables and figures, run again}\n",
     );
+    if let Some(lacking) = lacking {
+        let _ = writeln!(text, "\\noindent {}", escape(lacking));
+    }
     for sheet in sheets {
         let notes: Vec<String> = sheet.notes.iter().map(|note| escape(note)).collect();
         let _ = writeln!(

@@ -79,6 +79,8 @@ struct Sheet {
     groups: Vec<(String, usize)>,
     /// Heads of the columns; the first is that of the labels.
     heads: Vec<String>,
+    /// What belongs under the heads, if anything does.
+    under: Option<SheetRow>,
     rows: Vec<SheetRow>,
     notes: Vec<String>,
 }
@@ -176,8 +178,12 @@ fn write_figures(
     let drawn: Vec<&PaperFigure> = (figures.iter().zip(&notes))
         .filter_map(|(figure, note)| note.is_none().then_some(figure))
         .collect();
-    write("paper.tex", latex::document(&sheets, &drawn).as_bytes())?;
-    let page = page::render(&sheets, figures);
+    let lacking = tables::lacking(content);
+    write(
+        "paper.tex",
+        latex::document(lacking.as_deref(), &sheets, &drawn).as_bytes(),
+    )?;
+    let page = page::render(lacking.as_deref(), &sheets, figures);
     write("index.html", page.as_bytes())?;
     out.remove_earlier()?;
     Ok((
@@ -189,7 +195,7 @@ fn write_figures(
 /// One line per cell: row, column, ours, published. A missing number is an empty field.
 fn csv(sheet: &Sheet) -> String {
     let mut text = String::from("row,column,ours,published\n");
-    for row in &sheet.rows {
+    for row in sheet.under.iter().chain(&sheet.rows) {
         for (head, cell) in sheet.heads.iter().skip(1).zip(&row.cells) {
             let [ours, published] =
                 [&cell.ours, &cell.published].map(|part| value(part.as_deref()));
@@ -266,6 +272,49 @@ mod tests {
         let speed = csv(&tables::speed(&times()));
         assert!(speed.contains("SIFT,Features,1000.5,1082\n"), "{speed}");
         assert!(speed.contains("CODE,Matching (ms),,(970.1)\n"), "{speed}");
+    }
+
+    #[test]
+    fn a_quick_look_is_not_taken_for_the_whole_sequences() {
+        let mut content = scores();
+        let sheet = tables::auc(&content);
+        let says = "Incomplete: fewer pairs than published of 05 (10 of 435); nothing of 01, 02, 03, 04, 06, 07, 08.";
+        assert!(sheet.notes[0].starts_with(says), "{:?}", sheet.notes);
+        assert!(csv(&sheet).contains("\nPairs,\"05\",10,435\n"));
+        let text = latex::table(&sheet);
+        let under = "Pairs & / \\published{2310} & / \\published{2234}";
+        assert!(
+            text.contains(under) && text.contains("10 \\published{435}"),
+            "{text}"
+        );
+        assert!(text.find(under) < text.find("\\textbf{SIFT}"), "{text}");
+        content.facts.plan = Some(
+            r#"{"version": "0.1.0", "settings": {"seed": 7, "repetitions": 1, "limit": null, "sample": 10},
+                "datasets": [], "matchers": []}"#
+                .into(),
+        );
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (page, _) = write_paper(folder.path(), &content, &times()).expect("it is ours");
+        let page = std::fs::read_to_string(page).expect("just written");
+        assert_eq!(
+            page.matches("A quick look: fewer pairs than published of 05 (10 of 435)")
+                .count(),
+            2
+        );
+        let document = std::fs::read_to_string(folder.path().join("paper.tex"));
+        assert!(document.is_ok_and(|text| text.contains("A quick look: fewer pairs")));
+        // All sequences with all their pairs lack nothing.
+        for summary in &mut content.summaries {
+            summary.pairs = 5000;
+        }
+        let one = content.summaries[0].clone();
+        content.summaries = (["01", "02", "03", "04", "05", "06", "07", "08"].iter())
+            .map(|number| crate::metrics::Summary {
+                dataset: format!("{number}-x"),
+                ..one.clone()
+            })
+            .collect();
+        assert_eq!(tables::lacking(&content), None);
     }
 
     #[test]

@@ -26,10 +26,7 @@ pub(super) fn datasets(content: &Content) -> Sheet {
     let row = |published: &super::published::Sequence| {
         let place = numbers.iter().position(|number| number == published.number);
         let facts = place.map(|place| &content.datasets[place]);
-        let run = facts.and_then(|facts| {
-            let set = (content.summaries.iter()).find(|s| s.dataset == facts.name)?;
-            Some(set.pairs / set.repetitions.max(1) as usize)
-        });
+        let run = facts.and_then(|facts| content.scored_pairs(&facts.name));
         let pairs = facts.map(|facts| match run {
             Some(run) if run != facts.pairs => format!("{run} of {}", facts.pairs),
             _ => facts.pairs.to_string(),
@@ -64,6 +61,7 @@ pub(super) fn datasets(content: &Content) -> Sheet {
         heads: ["Sequence", "Images", "Pairs", "Resolution", "Property"]
             .map(str::to_owned)
             .to_vec(),
+        under: None,
         rows: SEQUENCES.iter().map(row).collect(),
         notes: vec![
             "By the paper's own rule 01 has 2410 pairs and 02 has 2244, as its published results do; 04 has \
@@ -95,8 +93,15 @@ pub(super) fn auc(content: &Content) -> Sheet {
             cells: cells.collect(),
         }
     };
+    let pairs = (SEQUENCES.iter())
+        .map(|sequence| {
+            let scored = scored_pairs(content, sequence.number);
+            cell(scored.map(|pairs| pairs.to_string()), sequence.pairs)
+        })
+        .collect();
     let estimators = overview.footnote(title);
-    let mut notes: Vec<String> = estimators.iter().map(|note| format!("{note}.")).collect();
+    let mut notes: Vec<String> = lacking(content).into_iter().collect();
+    notes.extend(estimators.iter().map(|note| format!("{note}.")));
     notes.push(
         "FREAK describes SURF's keypoints in the paper's text and SIFT's in its authors' program; both rows have \
          the published numbers beside them."
@@ -114,9 +119,61 @@ pub(super) fn auc(content: &Content) -> Sheet {
         heads: std::iter::once("Matcher".to_owned())
             .chain(SEQUENCES.iter().map(|sequence| sequence.number.to_owned()))
             .collect(),
+        under: Some(SheetRow {
+            label: "Pairs".to_owned(),
+            is_baseline: false,
+            cells: pairs,
+        }),
         rows: MATCHERS.iter().map(row).collect(),
         notes,
     }
+}
+
+/// How many pairs were scored of the paper's sequence of this number.
+fn scored_pairs(content: &Content, number: &str) -> Option<usize> {
+    let overview = Overview::new(&content.summaries);
+    let numbers = sequence_numbers(&overview.datasets);
+    let place = numbers.iter().position(|own| own == number)?;
+    content.scored_pairs(overview.datasets[place])
+}
+
+/// What the run lacks of the paper's sequences, in sentences; `None` if it has all of their pairs.
+pub(super) fn lacking(content: &Content) -> Option<String> {
+    let (mut fewer, mut none) = (Vec::new(), Vec::new());
+    for sequence in &SEQUENCES {
+        let published = sequence.pairs.parse().expect("it is a number");
+        match scored_pairs(content, sequence.number) {
+            Some(scored) if scored < published => {
+                fewer.push(format!("{} ({scored} of {published})", sequence.number));
+            }
+            Some(_) => {}
+            None => none.push(sequence.number),
+        }
+    }
+    let mut parts = Vec::new();
+    if !fewer.is_empty() {
+        parts.push(format!(
+            "fewer pairs than published of {}",
+            fewer.join(", ")
+        ));
+    }
+    if !none.is_empty() {
+        parts.push(format!("nothing of {}", none.join(", ")));
+    }
+    if parts.is_empty() {
+        return None;
+    }
+    let chosen = content.plan().map(|plan| plan.settings);
+    let is_quick = chosen.is_some_and(|chosen| chosen.sample.or(chosen.limit).is_some());
+    let what = if is_quick {
+        "A quick look"
+    } else {
+        "Incomplete"
+    };
+    Some(format!(
+        "{what}: {}. Published scores are of whole sequences, and are not to be compared with scores of parts of them.",
+        parts.join("; ")
+    ))
 }
 
 /// Table 3: features and times.
@@ -160,6 +217,7 @@ pub(super) fn speed(times: &PaperTimes) -> Sheet {
         heads: ["Matcher", "Features", "Detection (ms)", "Matching (ms)", "Selection (ms)"]
             .map(str::to_owned)
             .to_vec(),
+        under: None,
         rows: MATCHERS.iter().map(row).collect(),
         notes: vec![
             measured,

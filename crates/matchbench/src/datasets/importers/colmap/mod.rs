@@ -107,9 +107,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes: Vec::new(),
             ..About::default()
         },
-        frames,
-        pairs: None,
         seen: seen.iter().any(|points| !points.is_empty()).then_some(seen),
+        ..Imported::of(frames)
     })
 }
 
