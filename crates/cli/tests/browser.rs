@@ -47,6 +47,7 @@ window.addEventListener("load", () => {
   document.querySelector(".panel.pose .overview thead button").click();
   check("names are sorted", document.querySelector(".panel.pose .overview tbody th").textContent === "orbz");
   const heads = [...document.querySelectorAll("#pair-table thead button")];
+  check("an upper bound is called so", heads.some((head) => head.textContent === "Overlap \u2264"));
   const column = heads.findIndex((head) => head.textContent === "Baseline");
   heads[column].click();
   document.querySelectorAll("#pair-table thead button")[column].click();
@@ -107,8 +108,9 @@ const NARROW: &str = r#"
 window.addEventListener("load", () => {
   const page = document.getElementById("page").contentDocument.documentElement;
   const cut = [...page.querySelectorAll("th.name")].filter((name) => name.scrollWidth > name.clientWidth);
+  const squeezed = [...page.querySelectorAll("th.name:first-child")].filter((name) => name.clientWidth > 0 && name.clientWidth < 60);
   const width = page.scrollWidth;
-  document.body.dataset.probe = width > 390 ? `${width} pixels wide` : cut.length ? `${cut[0].textContent} is cut off` : "fits";
+  document.body.dataset.probe = width > 390 ? `${width} pixels wide` : cut.length ? `${cut[0].textContent} is cut off` : squeezed.length ? `${squeezed[0].textContent} is squeezed` : "fits";
 });
 </script>
 "#;

@@ -350,6 +350,21 @@ fn show_draws_a_pair_that_the_dataset_lists() {
     assert!(said.contains("selected matches"), "{said}");
     let svg = fs::read_to_string(path("pair.svg")).expect("it was written");
     assert!(svg.matches("<image").count() == 2 && svg.contains("class=\"keypoints\""));
+    assert!(svg.contains("magenta: keypoints"));
+    let plain = path("plain.svg");
+    let shown = run(&[
+        "show",
+        &wall,
+        "0",
+        "2",
+        "--matcher",
+        "sift",
+        "--out",
+        &plain,
+    ]);
+    assert!(shown.status.success(), "{}", text(&shown.stderr));
+    let svg = fs::read_to_string(plain).expect("it was written");
+    assert!(svg.contains("estimated yellow") && !svg.contains("keypoints"));
     assert!(show(["0", "1"], "pair.png").status.success());
     let png = fs::read(path("pair.png")).expect("it was written");
     assert!(png.starts_with(b"\x89PNG"));

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail, ensure};
 use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare, load, load_each};
 use matchbench::records::{DatasetPlan, RunFolder};
-use matchbench::report::{Duel, Side, advantage, write_differences};
+use matchbench::report::{Duel, Side, advantage, fixed, signed, write_differences};
 
 use super::eval::{method, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
@@ -308,7 +308,7 @@ fn table(rows: &[Row<'_>]) -> String {
     };
     lines.extend(rows.iter().map(|row| {
         let c = &row.comparison;
-        let number = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| format!("{v:.3}"));
+        let number = |value: Option<f64>| value.map_or_else(|| "–".into(), |v| fixed(v, 3));
         [
             row.sets[1].dataset.clone(),
             both(row, |set| &set.matcher),
@@ -316,10 +316,10 @@ fn table(rows: &[Row<'_>]) -> String {
             c.pairs.to_string(),
             number(c.before),
             number(c.after),
-            signed(c.auc.value),
+            change(c.auc.value),
             interval(&c.auc),
-            signed(c.rotation_auc.value),
-            signed(c.translation_auc.value),
+            change(c.rotation_auc.value),
+            change(c.translation_auc.value),
             c.gained.to_string(),
             c.lost.to_string(),
             c.changed.to_string(),
@@ -365,13 +365,16 @@ fn verdict(comparison: &Comparison) -> &'static str {
     }
 }
 
-fn signed(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".into(), |value| format!("{value:+.3}"))
+fn change(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".into(), |value| signed(value, 3))
 }
 
 fn interval(score: &Difference) -> String {
     score.interval.map_or_else(
         || "–".into(),
-        |interval| format!("{:+.3} to {:+.3}", interval.low, interval.high),
+        |interval| {
+            let [low, high] = [interval.low, interval.high].map(|end| signed(end, 3));
+            format!("{low} to {high}")
+        },
     )
 }

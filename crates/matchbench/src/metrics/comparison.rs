@@ -10,7 +10,7 @@ use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
 use super::{
     Angle, Bootstrap, Difference, Groups, Model, PairResult, ResultSet, Term,
-    corner_auc_difference, ranking_auc,
+    corner_auc_difference, is_above, ranking_auc,
 };
 
 /// What changed from one set of results to another on the pairs that both have.
@@ -79,7 +79,7 @@ pub struct Lead {
     pub dataset: String,
     /// What both estimate: poses and homographies of one dataset are not compared.
     pub model: Model,
-    /// Matcher and estimator with the highest AUC; of equal ones the first.
+    /// Matcher and estimator with the highest AUC; of equal ones ([`is_above`]) the first by name.
     pub best: (String, String),
     /// Matcher and estimator that they are compared with.
     pub other: (String, String),
@@ -91,6 +91,7 @@ pub struct Lead {
 /// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
 pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
+    let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     let key = |set: &ResultSet| (set.dataset.clone(), set.model());
     let mut best = BTreeMap::<(String, Model), (usize, f64)>::new();
     for (i, set) in sets.iter().enumerate() {
@@ -98,11 +99,12 @@ pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<
             continue;
         }
         let leader = best.entry(key(set)).or_insert((i, auc(set)));
-        if auc(set) > leader.1 {
+        let is_higher = is_above(Some(auc(set)), Some(leader.1));
+        let is_equal = !is_higher && !is_above(Some(leader.1), Some(auc(set)));
+        if is_higher || is_equal && method(set) < method(&sets[leader.0]) {
             *leader = (i, auc(set));
         }
     }
-    let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     (sets.iter().enumerate())
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))

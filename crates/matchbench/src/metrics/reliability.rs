@@ -12,6 +12,11 @@ use super::{Angle, PairResult};
 
 /// Ranges of equal width that probabilities are put into.
 const RANGES: usize = 10;
+/// The least number of poses whose share of right ones is drawn as a mark: of 10 it has a standard deviation of up to
+/// 0.16.
+const LEAST_IN_RANGE: usize = 10;
+/// The least number of poses of a method of which a curve is drawn: three marks.
+pub const LEAST_FOR_CURVE: usize = 3 * LEAST_IN_RANGE;
 
 /// Stated probabilities beside what became of the poses. Pairs without a pose state none and do not count.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,10 +29,11 @@ pub struct Reliability {
     pub stated: f64,
     /// Brier score, the mean of `(p - y)^2` with y = 1 for right poses and 0 for others; 0 is perfect.
     pub brier: f64,
-    /// Expected calibration error, the mean distance of stated probability and share over the ranges, each of
-    /// the weight of its poses; 0 is perfect.
+    /// Expected calibration error, the mean distance of stated probability and share over ten ranges of equal width,
+    /// each of the weight of its poses; 0 is perfect.
     pub calibration_error: f64,
-    /// The ranges that have poses, ascending.
+    /// The same ranges, ascending, but with neighbours merged: from the lowest probability on, a range takes in the
+    /// next ones until it has at least 10 poses, and what is left at the end goes to the last range.
     pub ranges: Vec<ReliabilityRange>,
     /// Poses of pairs that are more likely than not said to have [no overlap](PairResult::has_no_overlap).
     pub no_overlap: usize,
@@ -56,34 +62,69 @@ impl Reliability {
         if poses.is_empty() {
             return None;
         }
-        let ranges: Vec<ReliabilityRange> = (0..RANGES)
-            .filter_map(|range| {
+        let equal_width: Vec<Vec<(f64, f64)>> = (0..RANGES)
+            .map(|range| {
                 let here = |p: f64| ((p * RANGES as f64) as usize).min(RANGES - 1) == range;
-                let inside: Vec<_> = poses.iter().copied().filter(|(p, _)| here(*p)).collect();
-                (!inside.is_empty()).then(|| ReliabilityRange {
-                    poses: inside.len(),
-                    stated: mean(inside.iter().map(|(p, _)| *p)),
-                    right: mean(inside.iter().map(|(_, y)| *y)),
-                })
+                poses.iter().copied().filter(|(p, _)| here(*p)).collect()
             })
+            .filter(|inside: &Vec<_>| !inside.is_empty())
             .collect();
         let no_overlap: Vec<bool> = (pairs.iter())
             .filter(|pair| pair.has_no_overlap())
             .filter_map(is_right)
             .collect();
-        let off =
-            |range: &ReliabilityRange| range.poses as f64 * (range.stated - range.right).abs();
+        let off = |inside: &Vec<(f64, f64)>| {
+            let range = ReliabilityRange::of(inside);
+            range.poses as f64 * (range.stated - range.right).abs()
+        };
         Some(Self {
             poses: poses.len(),
             right: mean(poses.iter().map(|(_, y)| *y)),
             stated: mean(poses.iter().map(|(p, _)| *p)),
             brier: mean(poses.iter().map(|(p, y)| (p - y) * (p - y))),
-            calibration_error: ranges.iter().map(off).sum::<f64>() / poses.len() as f64,
-            ranges,
+            calibration_error: equal_width.iter().map(off).sum::<f64>() / poses.len() as f64,
+            ranges: (merged(equal_width).iter())
+                .map(|inside| ReliabilityRange::of(inside))
+                .collect(),
             no_overlap: no_overlap.len(),
             no_overlap_right: no_overlap.iter().filter(|right| **right).count(),
         })
     }
+
+    /// Whether there are poses enough for a curve.
+    pub fn has_curve(&self) -> bool {
+        self.poses >= LEAST_FOR_CURVE
+    }
+}
+
+impl ReliabilityRange {
+    /// Of these poses, each with its stated probability and with 1 if it is right, else 0.
+    fn of(poses: &[(f64, f64)]) -> Self {
+        Self {
+            poses: poses.len(),
+            stated: mean(poses.iter().map(|(p, _)| *p)),
+            right: mean(poses.iter().map(|(_, y)| *y)),
+        }
+    }
+}
+
+/// Neighbours put together until all have [`LEAST_IN_RANGE`], as far as there are as many.
+fn merged(ranges: Vec<Vec<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
+    let is_small = |range: &Vec<_>| range.len() < LEAST_IN_RANGE;
+    let mut merged: Vec<Vec<(f64, f64)>> = Vec::new();
+    for range in ranges {
+        match merged.last_mut() {
+            Some(last) if is_small(last) => last.extend(range),
+            _ => merged.push(range),
+        }
+    }
+    if merged.len() > 1
+        && let Some(rest) = merged.pop_if(|last| is_small(last))
+        && let Some(last) = merged.last_mut()
+    {
+        last.extend(rest);
+    }
+    merged
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -117,6 +158,23 @@ mod tests {
         assert!((reliability.brier - 0.5 * (0.1875 + 0.1275)).abs() < 1e-12);
         let stated: Vec<f64> = reliability.ranges.iter().map(|range| range.right).collect();
         assert_eq!(stated, [0.15, 0.75]);
+    }
+
+    #[test]
+    fn small_ranges_are_put_together_and_the_calibration_error_is_of_the_ten() {
+        let few = [poses(0.05, 0, 4), poses(0.15, 4, 2), poses(0.95, 3, 0)].concat();
+        let reliability = Reliability::of(&few).unwrap();
+        // 4 and 6 make 10, and the 3 that are left join them.
+        let ranges: Vec<usize> = reliability.ranges.iter().map(|r| r.poses).collect();
+        assert_eq!(ranges, [13]);
+        let expected = (4.0 * 0.05 + 6.0 * (4.0 / 6.0 - 0.15) + 3.0 * 0.05) / 13.0;
+        assert!((reliability.calibration_error - expected).abs() < 1e-12);
+        assert!(!reliability.has_curve());
+        let more = [few, poses(0.85, 10, 7)].concat();
+        let reliability = Reliability::of(&more).unwrap();
+        let ranges: Vec<usize> = reliability.ranges.iter().map(|r| r.poses).collect();
+        assert_eq!(ranges, [10, 20]);
+        assert!(reliability.has_curve());
     }
 
     #[test]

@@ -11,13 +11,11 @@
 //! 4. With fewer than [`LEAST_IMAGES`] images nothing is said; there are no intervals either.
 
 use super::bootstrap::{LEAST_IMAGES, sums_by_cluster};
+use super::ranks::ROUNDING;
 use super::{Interval, Term};
 
 /// The chance of calling a difference certain where there is none.
 pub(super) const ALPHA: f64 = 0.05;
-
-/// What sums of thousands of scores may be apart by rounding alone.
-const ROUNDING: f64 = 1e-12;
 
 /// How far a score of one method is from that of another on the same pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

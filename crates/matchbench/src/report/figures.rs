@@ -15,7 +15,7 @@ use super::svg::{
     ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, reliability_diagram,
     scatter, sp_curves, strata_curves,
 };
-use super::words::advantage;
+use super::words::{advantage, together};
 
 /// Number of groups into which the pairs of a dataset are divided by difficulty.
 const STRATA: usize = 4;
@@ -43,9 +43,7 @@ impl Difficulty {
         match self {
             Self::Baseline => "baseline (unit of the dataset)",
             Self::ViewAngle => "angle between the optical axes (degrees)",
-            Self::Overlap if geometry.values().all(|pair| pair.is_measured) => {
-                "overlap (measured by depth)"
-            }
+            Self::Overlap if is_measured(geometry) => "overlap (measured by depth)",
             Self::Overlap => "overlap (upper bound)",
         }
     }
@@ -57,6 +55,11 @@ impl Difficulty {
             Self::Overlap => Some(geometry.overlap),
         }
     }
+}
+
+/// Whether the overlap of all pairs was measured; else it is called an upper bound.
+pub(super) fn is_measured(geometry: &DatasetGeometry) -> bool {
+    geometry.values().all(|pair| pair.is_measured)
 }
 
 /// The name of a dataset in the title of a figure.
@@ -140,7 +143,7 @@ pub(super) fn reliabilities<'a>(
         .collect()
 }
 
-/// The reliability diagram of one dataset, if there are [`reliabilities`].
+/// The reliability diagram of one dataset, of the methods with poses enough for a curve, if there are any.
 pub(super) fn reliability_figure(
     lines: &[(usize, &str, Reliability)],
     overview: &Overview<'_>,
@@ -148,7 +151,10 @@ pub(super) fn reliability_figure(
     target: Target,
 ) -> Option<String> {
     let title = format!("Reliability: {}", named(overview, column));
-    (!lines.is_empty()).then(|| reliability_diagram(target, &title, lines))
+    let curves: Vec<_> = (lines.iter())
+        .filter(|(_, _, reliability)| reliability.has_curve())
+        .collect();
+    (!curves.is_empty()).then(|| reliability_diagram(target, &title, &curves))
 }
 
 /// The results behind a summary.
@@ -265,8 +271,15 @@ pub(super) fn lead_figure(
         .collect();
     let behind = |rival: &Rival<'_>| rival.behind.value.unwrap_or(f64::INFINITY);
     rivals.sort_by(|one, other| behind(one).total_cmp(&behind(other)));
-    let title = format!("Lead of {}: {}", best.label, named(overview, column));
-    Some(forest(target, &title, &best.label, &rivals))
+    let level = rivals.iter().filter(|rival| rival.behind.is_zero());
+    let mut leaders = vec![&*best.label];
+    leaders.extend(level.map(|rival| rival.name));
+    let title = format!(
+        "Lead of {}: {}",
+        together(&leaders),
+        named(overview, column)
+    );
+    Some(forest(target, &title, &leaders, &rivals))
 }
 
 /// What [`lead_figure`] shows.

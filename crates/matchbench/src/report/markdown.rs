@@ -39,7 +39,12 @@ pub(super) fn render(summaries: &[Summary]) -> String {
             "\nMean of SP(1) ... SP(15); of homographies the AUC of the corner error at 3 px."
         }
     });
-    text.push_str(" ①②③: the best three of a dataset; **bold**: above SIFT.");
+    text.push_str(" ①②③: the best three of a dataset");
+    text.push_str(if overview.has_baseline() {
+        "; **bold**: above SIFT."
+    } else {
+        "."
+    });
     if summaries.iter().any(|summary| !summary.group.is_empty()) {
         let _ = write!(text, " {GROUP_LEVEL_NOTE}");
     }

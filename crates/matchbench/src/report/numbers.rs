@@ -55,12 +55,31 @@ pub(super) fn short(value: f64) -> String {
         v if v >= 1.0 => 2,
         _ => 3,
     };
-    format!("{value:.decimals$}")
+    fixed(value, decimals)
+}
+
+/// With so many decimals, and never with the sign of a number that is rounded to zero.
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.bytes().all(|byte| matches!(byte, b'0' | b'.')) => zero.to_owned(),
+        _ => text,
+    }
+}
+
+/// The same of a difference, whose sign is always there: `+0.012`.
+pub fn signed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    if text.starts_with('-') {
+        text
+    } else {
+        format!("+{text}")
+    }
 }
 
 fn decimals(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|value| value.is_finite()) {
-        Some(value) => format!("{value:.decimals$}"),
+        Some(value) => fixed(value, decimals),
         None => NONE.to_owned(),
     }
 }
@@ -86,6 +105,15 @@ mod tests {
         assert_eq!(count(f64::NAN), "–");
         assert_eq!(milliseconds(0.0123), "12.3");
         assert_eq!(milliseconds(0.000_012), "<0.1");
+    }
+
+    #[test]
+    fn zero_has_no_sign() {
+        assert_eq!(ratio(-1e-17), "0.000");
+        assert_eq!([fixed(-0.0004, 3), fixed(-0.0, 0)], ["0.000", "0"]);
+        assert_eq!([fixed(-0.0006, 3), fixed(-10.0, 1)], ["-0.001", "-10.0"]);
+        let both = [-1e-17, 0.0004, 0.5, -0.5].map(|value| signed(value, 3));
+        assert_eq!(both, ["+0.000", "+0.000", "+0.500", "-0.500"]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::counted::counted;
-use crate::metrics::{Angle, Model, Portion, Score, Summary};
+use crate::metrics::{Angle, Model, Portion, Score, Summary, is_above, ranks};
 
 use super::names;
 use super::svg::{COLOURS, DASHES};
@@ -153,6 +153,12 @@ impl<'a> Overview<'a> {
         self
     }
 
+    /// Whether there is a baseline, and something that may be above it.
+    pub(super) fn has_baseline(&self) -> bool {
+        let is_baseline = |row: &Row<'_>| row.is_baseline;
+        self.rows.iter().any(is_baseline) && !self.rows.iter().all(is_baseline)
+    }
+
     /// If each matcher has one estimator and they differ: which matcher was run with which, as
     /// `Pose by ransac-e; by rich: gms, code`. The estimator of SIFT (or of the first row, if there is no SIFT)
     /// is named without its matchers.
@@ -178,14 +184,19 @@ impl<'a> Overview<'a> {
         Some(text)
     }
 
-    /// The rows that were run on a dataset, the highest AUC first.
+    /// The rows that were run on a dataset, the highest AUC first, and equal ones by name.
     pub(super) fn ranked(&self, column: usize) -> Vec<(&Row<'a>, &'a Summary)> {
         let mut ranked: Vec<_> = (self.rows.iter())
             .filter_map(|row| Some((row, row.cells[column].as_ref()?)))
             .collect();
-        let auc = |cell: &Cell<'_>| cell.auc.value.unwrap_or(f64::NEG_INFINITY);
-        ranked.sort_by(|(_, one), (_, other)| auc(other).total_cmp(&auc(one)));
-        (ranked.into_iter().map(|(row, cell)| (row, cell.summary))).collect()
+        ranked.sort_by_key(|(row, _)| (row.matcher, row.estimator));
+        let aucs: Vec<Option<f64>> = ranked.iter().map(|(_, cell)| cell.auc.value).collect();
+        let mut ranked: Vec<_> = ranks(&aucs).into_iter().zip(ranked).collect();
+        ranked.sort_by_key(|(rank, _)| *rank);
+        (ranked
+            .into_iter()
+            .map(|(_, (row, cell))| (row, cell.summary)))
+        .collect()
     }
 
     /// What was estimated on a dataset; poses, if there are both poses and homographies.
@@ -342,7 +353,7 @@ fn cell<'a>(
     let summary = here().find(|s| (&*s.matcher, &*s.estimator) == method)?;
     let rivals = || here().filter(|s| s.model == summary.model);
     let auc = value(summary);
-    let better = rivals().filter(|s| value(s) > auc).count();
+    let better = rivals().filter(|s| is_above(value(s), auc)).count();
     let scored = rivals().filter(|s| value(s).is_some()).count();
     let baselines = || rivals().filter(|s| s.matcher == BASELINE);
     let baseline = baselines()
@@ -355,7 +366,7 @@ fn cell<'a>(
         auc: summary.auc_of(angle),
         // If no method solved a pair, none is best.
         rank: (auc > Some(0.0) && scored > 1 && better < 3).then_some(better as u8 + 1),
-        above_baseline: baseline.is_some() && auc > baseline,
+        above_baseline: baseline.is_some() && is_above(auc, baseline),
     })
 }
 

@@ -165,7 +165,10 @@ pub(super) fn reliability(
     overview: &Overview<'_>,
     column: usize,
 ) -> Value {
-    let rows = lines.iter().flat_map(|(_, label, reliability)| {
+    let curves = lines
+        .iter()
+        .filter(|(_, _, reliability)| reliability.has_curve());
+    let rows = curves.flat_map(|(_, label, reliability)| {
         let point = |range: &ReliabilityRange| {
             json!({"matcher": label, "stated": range.stated, "right": range.right, "poses": range.poses})
         };
@@ -177,10 +180,15 @@ pub(super) fn reliability(
         "y": share("right", "share of right poses"),
         "color": {"field": "matcher", "type": "nominal", "sort": null},
     });
+    let mut sized = encoding.clone();
+    sized["size"] = json!({"field": "poses", "type": "quantitative"});
     figure(
         format!("Reliability: {}", overview.datasets[column]),
         rows.collect(),
-        json!({"mark": {"type": "line", "point": true}, "encoding": encoding}),
+        json!({"layer": [
+            {"mark": "line", "encoding": encoding},
+            {"mark": {"type": "point", "filled": true, "opacity": 1}, "encoding": sized},
+        ]}),
     )
 }
 

@@ -3,7 +3,7 @@
 
 use crate::metrics::{Difference, Lead};
 
-use super::words::{method, rounds};
+use super::words::{method, rounds, together};
 
 /// Most methods that a sentence names; of more it gives only the number.
 const NAMED: usize = 3;
@@ -37,27 +37,38 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
         (true, _) => names(&behind),
         (false, _) => names(&doubtful),
     };
-    let equals = names(&level);
+    let shared = format!("{} share the highest AUC", equals(&best, &level));
     let text = match (too_few, level.is_empty(), is_certain) {
         (Some(too_few), true, _) => {
             format!("{best} has the highest AUC; {too_few} to be certain of it")
         }
-        (Some(too_few), false, _) => format!(
-            "{best} has the highest AUC, the same as {equals}; {too_few} to be certain of it"
-        ),
+        (Some(too_few), false, _) => format!("{shared}; {too_few} to be certain of it"),
         (None, true, true) => format!("{best} is certainly better than {others}"),
         (None, true, false) => {
             format!("{best} has the highest AUC, but is not certainly better than {others}")
         }
-        (None, false, _) if behind.is_empty() => format!("{best} has the same AUC as {equals}"),
+        (None, false, _) if behind.is_empty() => shared,
         (None, false, true) => {
-            format!("{best} has the same AUC as {equals}, and is certainly better than {others}")
+            format!("{shared}, and {best} is certainly better than {others}")
         }
-        (None, false, false) => format!(
-            "{best} has the highest AUC, the same as {equals}, but is not certainly better than {others}"
-        ),
+        (None, false, false) => {
+            format!("{shared}, but {best} is not certainly better than {others}")
+        }
     };
     format!("{name}: {text}").replace(char::is_control, "\u{fffd}")
+}
+
+/// The best and those that share its AUC: at most [`NAMED`] names, then the number of the others.
+fn equals(best: &str, level: &[&Lead]) -> String {
+    let mut names: Vec<String> = (level.iter())
+        .map(|lead| method(&lead.other.0, &lead.other.1))
+        .collect();
+    names.insert(0, best.to_owned());
+    if let more @ 2.. = names.len().saturating_sub(NAMED) {
+        names.truncate(NAMED);
+        names.push(format!("{more} more"));
+    }
+    together(&names)
 }
 
 /// The methods that the best is compared with: at most [`NAMED`] names, then the number of the
@@ -160,10 +171,11 @@ mod tests {
         assert_eq!(
             verdicts(&leads),
             [
-                "office: sift + best has the same AUC as orb + best",
-                "street: sift + best has the same AUC as orb + best, and is certainly better than surf + best",
-                "wall: sift + best has the highest AUC, the same as orb + best, but is not certainly better than \
+                "office: sift + best and orb + best share the highest AUC",
+                "street: sift + best and orb + best share the highest AUC, and sift + best is certainly better than \
                  surf + best",
+                "wall: sift + best and orb + best share the highest AUC, but sift + best is not certainly better \
+                 than surf + best",
             ]
         );
     }

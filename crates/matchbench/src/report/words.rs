@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use super::numbers::fixed;
 use crate::counted::counted;
 use crate::metrics::{
-    Angle, Detail, Deviation, Difference, Failure, Lead, Model, PairResult, ScoreKind, Summary,
+    Angle, Detail, Deviation, Difference, Failure, Interval, Lead, Model, PairResult, ScoreKind,
+    Summary,
 };
 use crate::protocols::{PROTOCOLS, Protocol};
 
@@ -163,6 +165,15 @@ pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
         .collect()
 }
 
+/// Names in a sentence: `a`, `a and b`, `a, b and c`.
+pub(super) fn together(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
 /// A matcher with its estimator, if that is known.
 pub(super) fn method(matcher: &str, estimator: &str) -> String {
     if estimator.is_empty() {
@@ -183,9 +194,20 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     } else {
         (one, other)
     };
-    let never_moves = (difference.interval).is_none_or(|interval| interval.low == interval.high);
-    if difference.is_zero() && never_moves {
-        return format!("{one} and {other} score the same on {on}");
+    if difference.is_zero() {
+        let same = format!("{one} and {other} score the same on {on}");
+        let moved = (difference.interval).filter(|interval| interval.low != interval.high);
+        return match moved {
+            Some(Interval { low, high }) => {
+                format!(
+                    "{same}: {} [{}, {}]",
+                    fixed(value, 3),
+                    fixed(low, 3),
+                    fixed(high, 3)
+                )
+            }
+            None => same,
+        };
     }
     let Some(interval) = difference.interval else {
         return format!(
@@ -198,7 +220,12 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     } else {
         (interval.low, interval.high)
     };
-    let range = format!("{:.3} [{low:.3}, {high:.3}]", value.abs());
+    let range = format!(
+        "{} [{}, {}]",
+        fixed(value.abs(), 3),
+        fixed(low, 3),
+        fixed(high, 3)
+    );
     if difference.is_certain {
         format!("{ahead} beats {behind} on {on} by {range}")
     } else {
@@ -247,7 +274,8 @@ pub fn leads_in_words(leads: &[Lead]) -> String {
                 format!("{best} is level with the other {others} on {dataset}, or ahead of them\n")
             } else {
                 format!(
-                    "{best} is ahead of the other {others} on {dataset} by {lead:.3} and more\n"
+                    "{best} is ahead of the other {others} on {dataset} by {} and more\n",
+                    fixed(lead, 3)
                 )
             };
             text.push_str(&rest);
@@ -325,6 +353,10 @@ mod tests {
             "b is not certainly better than a on 06: 0.010 [-0.020, 0.050]"
         );
         assert_eq!(words(score(0.0, 0.0, 0.0)), "a and b score the same on 06");
+        assert_eq!(
+            words(score(-1e-17, -1e-4, 0.02)),
+            "a and b score the same on 06: 0.000 [0.000, 0.020]"
+        );
         let alone = Difference::seen(0.2, None);
         assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
         let level = Difference::seen(0.0, None);

@@ -8,6 +8,7 @@ mod again;
 mod auc_table;
 mod difference;
 mod difficulty;
+mod failures;
 mod hard_pairs;
 mod leaderboard;
 mod pair_list;
@@ -43,7 +44,7 @@ use super::method;
 use super::numbers::{self, interval};
 use super::overview::{Overview, REFERENCE, Row, Subject};
 use super::svg::{Target, data_url, legend_sample};
-use super::words::{definitions, leads_in_words};
+use super::words::{definitions, leads_in_words, together};
 
 /// The three errors of a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
@@ -109,7 +110,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         title => &facts.title,
         style => include_str!("style.css"),
         script => include_str!("script.js"),
-        headlines => headlines(&overview),
+        headlines => headlines(content, &overview),
         gallery => gallery(content),
         datasets => overview.datasets.len(),
         compared => compared(summaries),
@@ -143,6 +144,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         over,
         reliability => reliability::figures(content, &overview),
         right_pose => RIGHT_POSE.to_string(), // "10", not "10.0"
+        has_baseline => overview.has_baseline(),
         hard_pairs => hard_pairs::rows(content, &overview, !extent.files.is_empty()),
         scatters => scatters(content, &overview),
         estimators => estimators(summaries, &overview),
@@ -154,7 +156,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
             .map(|(heads, text)| context! { heads, text })
             .collect::<Vec<_>>(),
         scores => summaries.iter().map(|s| scores(s, &shown)).collect::<Vec<_>>(),
-        failures => summaries.iter().map(failures).collect::<Vec<_>>(),
+        failures => failures::table(summaries),
         times => times::times(content, &overview),
         outside => !content.outside.is_empty(),
         has_estimators => summaries.iter().any(|s| !s.estimator.is_empty()),
@@ -208,7 +210,7 @@ fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a
 
 /// A sentence about the best matcher, which is the one that leads on most datasets. If there are both poses and
 /// homographies, one sentence about each.
-fn headlines(overview: &Overview<'_>) -> Vec<Value> {
+fn headlines(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     let models = [Model::Pose, Model::Homography];
     let both = models.iter().all(|&model| overview.has(model));
     let each = models.into_iter().filter_map(|model| {
@@ -217,12 +219,13 @@ fn headlines(overview: &Overview<'_>) -> Vec<Value> {
             Model::Pose => " of poses",
             Model::Homography => " of homographies",
         };
-        headline(overview, model, of)
+        headline(content, overview, model, of)
     });
     each.collect()
 }
 
-fn headline(overview: &Overview<'_>, model: Model, of: &str) -> Option<Value> {
+/// The rows that lead on the most datasets; on how many of these the lead is shared, and on how many it is certain.
+fn headline(content: &Content, overview: &Overview<'_>, model: Model, of: &str) -> Option<Value> {
     let cells = |i: usize| {
         let cells = overview.rows[i].cells.iter().enumerate();
         let cells = cells.filter_map(|(column, cell)| Some((column, cell.as_ref()?)));
@@ -231,23 +234,39 @@ fn headline(overview: &Overview<'_>, model: Model, of: &str) -> Option<Value> {
     let rivals = || (0..overview.rows.len()).filter(|&i| cells(i).next().is_some());
     let wins = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1)).count();
     let most = rivals().map(wins).max().filter(|&n| n > 0)?;
-    let winners: Vec<&str> = rivals()
-        .filter(|&i| wins(i) == most)
-        .map(|i| &*overview.rows[i].label)
-        .collect();
-    let many = format!("{} of {}", winners.len(), rivals().count());
-    let names = match winners.split_last() {
-        _ if winners.len() > MOST_WINNERS => many,
-        Some((last, [])) => (*last).to_owned(),
-        Some((last, others)) => format!("{} and {last}", others.join(", ")),
-        None => return None,
+    let winners: Vec<usize> = rivals().filter(|&i| wins(i) == most).collect();
+    let labels: Vec<&str> = (winners.iter().map(|&i| &*overview.rows[i].label)).collect();
+    let names = if winners.len() > MOST_WINNERS {
+        format!("{} of {}", winners.len(), rivals().count())
+    } else {
+        together(&labels)
     };
+    let first = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1));
+    let won: BTreeSet<usize> = (winners.iter())
+        .flat_map(|&i| first(i).map(|(column, _)| column))
+        .collect();
+    let is_shared = |column: &&usize| {
+        let leads = |i: &usize| first(*i).any(|(its, _)| its == **column);
+        rivals().filter(leads).count() > 1
+    };
+    let is_certain = |column: &&usize| {
+        let dataset = overview.datasets[**column];
+        let mut leads = (content.leads.iter())
+            .filter(|lead| lead.dataset == dataset && lead.model == model)
+            .peekable();
+        leads.peek().is_some() && leads.all(|lead| lead.difference.is_certain)
+    };
+    let (shared, certain) = (
+        won.iter().filter(is_shared).count(),
+        won.iter().filter(is_certain).count(),
+    );
     let columns: BTreeSet<usize> = rivals().flat_map(cells).map(|(column, _)| column).collect();
     let only = columns.first().filter(|_| columns.len() == 1);
     let only = only.map(|&column| overview.datasets[column]);
-    Some(
-        context! { names, several => winners.len() > 1, of, most, datasets => columns.len(), only },
-    )
+    Some(context! {
+        names, several => winners.len() > 1, of, most, datasets => columns.len(), only,
+        won => won.len(), shared, certain,
+    })
 }
 
 /// What is compared, counted or named: `8 matchers with 3 estimators`, `8 matchers with ransac-e`.
@@ -448,21 +467,6 @@ fn scores(s: &Summary, shown: &[&ScoreKind]) -> Value {
         cells
     };
     row(s, shown.iter().flat_map(cells).collect())
-}
-
-fn failures(s: &Summary) -> Value {
-    let counts = [
-        s.pairs,
-        s.failed,
-        s.failures.too_few_matches,
-        s.failures.no_support,
-        s.failures.broken,
-        s.failures.unexplained,
-        s.failures.missing,
-        s.undirected,
-        s.ignored,
-    ];
-    row(s, counts.map(|n| n.to_string()).to_vec())
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use crate::records::Plan;
 
 use super::super::command_line::show;
 use super::super::content::Content;
+use super::super::figures::is_measured;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
 use super::super::svg::{DISTANCES, Target, data_url, pair};
@@ -52,6 +53,8 @@ struct Listed<'a> {
     baseline: Vec<f32>,
     angle: Vec<f32>,
     overlap: Vec<f32>,
+    /// Whether the overlap of all was measured; else it is an upper bound.
+    measured: bool,
     methods: Vec<Method<'a>>,
     /// Folder of the pictures beside the page, and the numbers of the pairs that have one there.
     folder: String,
@@ -188,6 +191,7 @@ fn listed<'a>(
             listed.overlap.push(rounded(known.overlap));
         }
     }
+    listed.measured = geometry.is_some_and(is_measured);
     for values in [&mut listed.baseline, &mut listed.angle, &mut listed.overlap] {
         if values.len() < count {
             values.clear();

@@ -2,10 +2,12 @@
 //! `pairs/<dataset>/<a>-<b>.html`, and its images as files that these pages share.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 
 use minijinja::{Value, context};
 
-use crate::metrics::{PairGeometry, ResultSet};
+use crate::counted::counted;
+use crate::metrics::{Model, PairGeometry, ResultSet};
 use crate::protocols::of_estimator;
 
 use super::super::content::Content;
@@ -13,7 +15,7 @@ use super::super::file_names::file_names;
 use super::super::numbers::short;
 use super::super::overview::Overview;
 use super::super::svg::{DISTANCES, Target, pair};
-use super::super::words::{method, sentence};
+use super::super::words::{method, sentence, together};
 use super::super::{PairView, Tally};
 use super::warp::warp;
 use super::{environment, template};
@@ -60,19 +62,32 @@ pub(in super::super) fn pair_pages(
     files
 }
 
-/// The numbers of matches, as text.
-fn counts(tally: &Tally, drawn: usize) -> String {
-    let mut text = format!("{drawn} of {} matches are drawn", tally.matches);
+/// The numbers of matches, in sentences.
+fn counts(model: Model, tally: &Tally, drawn: usize) -> String {
+    let all = counted(tally.matches, "match");
+    if tally.matches == 0 {
+        return format!("Drawn: {all}.");
+    }
+    let mut text = format!(
+        "Drawn: {drawn} of {all}. The estimate agrees with {} of them.",
+        tally.agree
+    );
     if let Some(counts) = tally.by_distance {
+        let truth = match model {
+            Model::Pose => "epipolar line",
+            Model::Homography => "place",
+        };
         let classes: Vec<String> = (DISTANCES.iter().zip(counts))
-            .map(|((_, name), count)| format!("{name}: {count}"))
+            .filter(|(_, count)| *count > 0)
+            .map(|((_, name), count)| format!("{name} for {count}"))
             .collect();
-        text = format!(
-            "{text}; from the true epipolar line or place {}",
-            classes.join(", ")
+        let _ = write!(
+            text,
+            " The distance from the true {truth} is {} of them.",
+            together(&classes)
         );
     }
-    format!("{text}; {} agree with the estimate.", tally.agree)
+    text
 }
 
 /// How hard a pair is, judged by its cameras alone, in a sentence.
@@ -125,7 +140,35 @@ pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Va
         words,
         images,
         drawing => Value::from_safe_string(drawing),
-        counts => counts(&view.tally, view.matches.len().min(MOST_MATCHES)),
+        counts => counts(view.model, &view.tally, view.matches.len().min(MOST_MATCHES)),
         warp => warp(view),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_matches_are_sentences() {
+        let tally = Tally {
+            matches: 443,
+            by_distance: Some([440, 0, 2, 1]),
+            agree: 430,
+        };
+        assert_eq!(
+            counts(Model::Pose, &tally, 120),
+            "Drawn: 120 of 443 matches. The estimate agrees with 430 of them. The distance from the true epipolar \
+             line is below 1 px for 440, 3 to 10 px for 2 and 10 px and more for 1 of them."
+        );
+        let unknown = Tally {
+            by_distance: None,
+            ..tally
+        };
+        assert!(!counts(Model::Pose, &unknown, 120).contains("distance"));
+        assert_eq!(
+            counts(Model::Homography, &Tally::default(), 0),
+            "Drawn: 0 matches."
+        );
     }
 }

@@ -223,7 +223,8 @@
         .filter(({ column: [title] }) => !(m.corner ? ["Error", "Rotation", "Translation"] : ["Corner error (px)"]).includes(title));
       const focused = head.contains(document.activeElement) ? document.activeElement.textContent : null;
       head.replaceChildren(...used.map(({ column: [title, , decimals], index }) => {
-        const button = make("button", { type: "button", textContent: title });
+        const isBound = title === "Overlap" && !d.measured;
+        const button = make("button", { type: "button", textContent: isBound ? "Overlap \u2264" : title });
         button.addEventListener("click", () => {
           sorted = { column: index, up: sorted.column === index ? !sorted.up : true };
           sort();

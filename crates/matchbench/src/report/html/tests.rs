@@ -166,6 +166,56 @@ fn the_best_of_poses_and_of_homographies_are_named_apart() {
 }
 
 #[test]
+fn the_headline_says_what_is_shared_and_what_is_certain() {
+    let sets = [
+        ("room", "sift", 4),
+        ("hall", "sift", 4),
+        ("wall", "sift", 9),
+        ("room", "orb", 4),
+        ("hall", "orb", 2),
+        ("wall", "orb", 0),
+    ];
+    let page = page(&sets, "Report");
+    let line = "<strong>sift</strong> has the highest AUC on 3 of 3 datasets, shared on 1; its lead over the next is certain on 1.";
+    assert!(page.contains(line), "{page}");
+    let pair = |other: u32| {
+        let sets = [("room", "sift", 9), ("room", "orb", other)];
+        render(&content(&sets))
+    };
+    let on = "the highest AUC on <bdi>room</bdi>";
+    for (other, line) in [
+        (9, format!("<strong>sift and orb</strong> share {on}.")),
+        (
+            8,
+            format!("<strong>sift</strong> has {on}; its lead over the next is not certain."),
+        ),
+        (
+            0,
+            format!("<strong>sift</strong> has {on}; its lead over the next is certain."),
+        ),
+    ] {
+        assert!(pair(other).contains(&line), "{line}");
+    }
+    // Each is first on one of them.
+    let each = render(&content(&[
+        ("room", "sift", 9),
+        ("hall", "sift", 4),
+        ("room", "orb", 2),
+        ("hall", "orb", 5),
+    ]));
+    let line = "</strong> have the highest AUC on 1 of 2 datasets each; their lead over the next is certain on 1 of these 2.";
+    assert!(each.contains(line), "{each}");
+}
+
+#[test]
+fn sift_is_named_where_the_run_has_it() {
+    let above = "is above SIFT";
+    assert!(page(&[("room", "sift", 4), ("room", "orb", 2)], "").contains(above));
+    assert!(!page(&[("room", "surf", 4), ("room", "orb", 2)], "").contains(above));
+    assert!(!page(&[("room", "sift", 4)], "").contains(above));
+}
+
+#[test]
 fn a_property_of_no_dataset_takes_no_room() {
     let mut content = content(&[("room", "sift", 4)]);
     let head = ">Property</th>";

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use crate::metrics::{Bootstrap, Groups, Model, ResultSet, Summary, groups};
+use crate::metrics::{Angle, Bootstrap, Groups, Model, ResultSet, Summary, groups, ranks};
 
 use super::content::{Content, RunFacts};
 use entries::{Entries, Scored};
@@ -53,7 +53,7 @@ pub struct Group {
     pub pairs: [usize; 2],
     /// How many datasets have the same name and another fingerprint.
     pub namesakes: usize,
-    /// The methods, the highest AUC first.
+    /// The methods, the highest AUC first, and equal ones by name.
     pub rows: Vec<Row>,
     /// The same data for figures. Each method has a name of its own there.
     pub(super) content: Content,
@@ -182,16 +182,12 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
             source,
         })
         .collect();
-    let auc = |row: &Row| {
-        let auc = row.summary.auc_of(crate::metrics::Angle::Pose).value;
-        auc.unwrap_or(f64::NEG_INFINITY)
-    };
-    rows.sort_by(|one, other| auc(other).total_cmp(&auc(one)));
-    let aucs: Vec<f64> = rows.iter().map(auc).collect();
-    for row in &mut rows {
-        let own = auc(row);
-        row.rank = 1 + aucs.iter().filter(|auc| **auc > own).count();
+    let auc = |row: &Row| row.summary.auc_of(Angle::Pose).value;
+    let aucs: Vec<Option<f64>> = rows.iter().map(auc).collect();
+    for (row, rank) in rows.iter_mut().zip(ranks(&aucs)) {
+        row.rank = rank;
     }
+    rows.sort_by(|one, other| (one.rank, &one.label).cmp(&(other.rank, &other.label)));
     say_what_is_twice(&mut rows);
     let repetitions = |summary: &Summary| summary.repetitions.max(1) as usize;
     let pairs =
@@ -305,6 +301,59 @@ mod tests {
     }
 
     #[test]
+    fn the_same_tie_is_told_the_same_way_everywhere() {
+        let named = |name| Scored {
+            set: set(name, |a| if a < 40 { 3.0 } else { 20.0 }),
+            fingerprint: "ab".into(),
+            listed: 60,
+            source: Source {
+                blake3: name.into(),
+                ..Source::default()
+            },
+        };
+        for names in [["orb", "akaze", "sift"], ["sift", "orb", "akaze"]] {
+            let mut scored = Vec::from(names.map(named));
+            scored.push(Scored {
+                set: set("weak", |a| if a < 10 { 3.0 } else { 20.0 }),
+                ..named("weak")
+            });
+            let key = Key::of(&scored[0]);
+            let group = group(key, scored, &[]);
+            let rows: Vec<_> = (group.rows.iter())
+                .map(|row| (row.rank, &*row.label))
+                .collect();
+            assert_eq!(rows, [(1, "akaze"), (1, "orb"), (1, "sift"), (4, "weak")]);
+            let content = &group.content;
+            assert!(content.leads.iter().all(|lead| lead.best.0 == "akaze"));
+            let sentence = super::super::verdicts(&content.leads).join("");
+            assert!(
+                sentence.contains("and akaze is certainly better than weak")
+                    && sentence.contains("share the highest AUC"),
+                "{sentence}"
+            );
+            let overview = super::super::overview::Overview::new(&content.summaries);
+            let ranks: Vec<_> = (overview.ranked(0).into_iter())
+                .map(|(row, _)| {
+                    (
+                        row.matcher,
+                        row.cells[0].as_ref().and_then(|cell| cell.rank),
+                    )
+                })
+                .collect();
+            let first = Some(1);
+            assert_eq!(
+                ranks,
+                [
+                    ("akaze", first),
+                    ("orb", first),
+                    ("sift", first),
+                    ("weak", None)
+                ]
+            );
+        }
+    }
+
+    #[test]
     fn copies_of_the_best_do_not_differ_from_it() {
         let worse = |a: u32| if a.is_multiple_of(10) { 6.0 } else { 3.0 };
         let names = ["worse", "good", "again", "copy"];
@@ -319,9 +368,7 @@ mod tests {
         let certain: Vec<(&str, bool)> = (content.leads.iter())
             .map(|lead| (&*lead.other.0, lead.difference.is_certain))
             .collect();
-        assert_eq!(
-            certain,
-            [("worse", true), ("again", false), ("copy", false)]
-        );
+        // Of the equal ones the first by name is compared with the others.
+        assert_eq!(certain, [("worse", true), ("good", false), ("copy", false)]);
     }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::metrics::Difference;
 
+use super::super::numbers::ratio;
 use super::{
     COLOURS, INK, MUTED, PALETTE, Target, axis, escape, grid, open, shorten, text, tick, width_of,
 };
@@ -25,12 +26,12 @@ pub(in super::super) struct Rival<'a> {
     pub(in super::super) behind: Difference,
 }
 
-/// One line per rival: a dot and its interval over the difference to the best. If the difference is not
+/// The best are several where they are equal. One line per rival: a dot and its interval over the difference to the best. If the difference is not
 /// significant, the dot is hollow and the line pale.
 pub(in super::super) fn forest(
     target: Target,
     title: &str,
-    best: &str,
+    best: &[&str],
     rivals: &[Rival<'_>],
 ) -> String {
     let top = match target {
@@ -69,14 +70,18 @@ pub(in super::super) fn forest(
     for value in (0..=ticks).map(|i| first + i as f64 * step) {
         grid(&mut svg, (x(value), top), (x(value), bottom));
         let at = (x(value), bottom + 14.0);
-        text(&mut svg, "muted", at, "middle", &tick(value + 0.0, step));
+        text(&mut svg, "muted", at, "middle", &tick(value, step));
     }
     let _ = writeln!(
         svg,
         r#"<line class="zero" x1="{0:.1}" y1="{top:.1}" x2="{0:.1}" y2="{bottom:.1}" stroke="{MUTED}"/>"#,
         x(0.0)
     );
-    let below = format!("AUC by which {} leads", shorten(best));
+    let below = match best {
+        [one] => format!("AUC by which {} leads", shorten(one)),
+        [one, other] => format!("AUC by which {} and {} lead", shorten(one), shorten(other)),
+        many => format!("AUC by which the first {} lead", many.len()),
+    };
     text(
         &mut svg,
         "muted",
@@ -123,7 +128,7 @@ pub(in super::super) fn forest(
             );
             let at = (left + PLOT + 10.0, middle + 4.0);
             let class = if certain { "ink" } else { "muted" };
-            text(&mut svg, class, at, "start", &format!("{value:.3}"));
+            text(&mut svg, class, at, "start", &ratio(value));
         }
         svg.push_str("</g>\n");
     }
@@ -144,7 +149,18 @@ mod tests {
             behind: Difference::seen(value, Some([low, high])),
         };
         let rivals = [rival("far", 0.2, 0.1, 0.3), rival("near", 0.02, -0.1, 0.1)];
-        let svg = forest(Target::Page, "room", "best", &rivals);
+        let svg = forest(Target::Page, "room", &["best"], &rivals);
+        assert!(svg.contains("by which best leads"), "{svg}");
+        let level = Rival {
+            behind: Difference::seen(-1e-17, Some([-0.1, 0.1])),
+            ..rival("level", 0.0, 0.0, 0.0)
+        };
+        let shared = forest(Target::Page, "room", &["best", "level"], &[level]);
+        assert!(shared.contains("by which best and level lead"), "{shared}");
+        assert!(
+            shared.contains(">0.000<") && !shared.contains("-0.000"),
+            "{shared}"
+        );
         assert_eq!(svg.matches("<circle").count(), 2);
         assert_eq!(svg.matches("hollow").count(), 1);
         assert!(
@@ -155,6 +171,6 @@ mod tests {
             behind: Difference::default(),
             ..rival("x", 0.0, 0.0, 0.0)
         };
-        assert!(!forest(Target::File, "room", "best", &[unknown]).contains("NaN"));
+        assert!(!forest(Target::File, "room", &["best"], &[unknown]).contains("NaN"));
     }
 }

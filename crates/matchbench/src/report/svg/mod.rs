@@ -20,6 +20,8 @@ mod strata;
 
 use std::fmt::Write as _;
 
+use super::numbers::fixed;
+
 pub(super) use ap_bars::ap_bars;
 pub(super) use ap_panel::{ApSeries, ap_panel};
 pub(super) use forest::{Rival, forest};
@@ -54,6 +56,10 @@ const PATTERNS: [&str; 3] = ["", "6 3", "2 2.5"];
 /// How many series have colours, and dashes, of their own.
 pub(super) const COLOURS: usize = PALETTE.len();
 pub(super) const DASHES: usize = PATTERNS.len();
+
+/// How many pixels a unit of a chart has in the page at most: charts of few cells or short names would otherwise have
+/// larger text than others.
+const LARGEST: f64 = 1.3;
 
 /// Names longer than this are cut.
 const NAME: usize = 26;
@@ -96,9 +102,14 @@ fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f6
     let title = escape(title);
     match target {
         Target::Page => {
+            let at_most = if class.starts_with("chart") {
+                format!(r#" style="max-width:{:.0}px""#, LARGEST * width)
+            } else {
+                String::new()
+            };
             let _ = writeln!(
                 svg,
-                r#"<svg class="{class}" viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
+                r#"<svg class="{class}"{at_most} viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
             );
         }
         Target::File => {
@@ -173,7 +184,7 @@ fn tick(value: f64, step: f64) -> String {
         .iter()
         .position(|unit| ((step / unit).round() - step / unit).abs() < 1e-6)
         .unwrap_or(4);
-    format!("{value:.decimals$}")
+    fixed(value, decimals)
 }
 
 #[cfg(test)]
@@ -201,6 +212,20 @@ mod tests {
         assert_eq!(tick(0.4, 0.2), "0.4");
         assert_eq!(tick(0.0075, 0.0025), "0.0075");
         assert_eq!(tick(1500.0, 500.0), "1500");
+    }
+
+    #[test]
+    fn no_chart_of_the_page_has_larger_text_than_others() {
+        let opening = |class, target| {
+            let mut svg = String::new();
+            open(&mut svg, target, class, (200.0, 100.0), "room");
+            svg
+        };
+        let heat = opening("chart heat", Target::Page);
+        assert!(heat.contains(r#"style="max-width:260px""#), "{heat}");
+        // Pictures fill the place of their images.
+        assert!(!opening("pair", Target::Page).contains("style"));
+        assert!(!opening("chart heat", Target::File).contains("style"));
     }
 
     #[test]

@@ -235,11 +235,11 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let (error, lines) = match view.model {
         Model::Pose => (
             "from the true epipolar line",
-            "circles: matches whose epipolar lines are drawn, true white, estimated yellow; magenta: keypoints",
+            "circles: matches whose epipolar lines are drawn, true white, estimated yellow",
         ),
         Model::Homography => (
             "transfer error: from the true place",
-            "frame of the first image in the second: true white, estimated yellow; magenta: keypoints",
+            "frame of the first image in the second: true white, estimated yellow",
         ),
     };
     text(svg, "muted", at, "start", error);
@@ -250,5 +250,11 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let shown = view.matches.len().min(limit);
     let shown = format!("{shown} of {} matches are drawn", tally.matches);
     text(svg, "muted", (412.0, top + 18.0), "start", &shown);
-    text(svg, "muted", (12.0, top + 36.0), "start", lines);
+    let magenta = if view.keypoints.iter().all(Vec::is_empty) {
+        ""
+    } else {
+        "; magenta: keypoints"
+    };
+    let below = format!("{lines}{magenta}");
+    text(svg, "muted", (12.0, top + 36.0), "start", &below);
 }

@@ -1,16 +1,18 @@
 //! A reliability diagram: the share of right poses over the stated probability. On the diagonal the two are
-//! equal.
+//! equal. The area of a mark is as the number of its poses.
 
 use std::fmt::Write as _;
 
-use super::series::{Legend, marked_line};
+use super::series::{Legend, open_group, polyline, sized_marker};
 use super::{Target, axis_label, grid, open, text, tick};
 use crate::metrics::Reliability;
 
-const PLOT: f64 = 230.0;
+const PLOT: f64 = 320.0;
 const LEFT: f64 = 54.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 42.0;
+/// Radius of the mark of the most poses, and the least radius.
+const RADII: (f64, f64) = (6.0, 1.5);
 /// Number of parts of both axes.
 const TICKS: usize = 5;
 
@@ -19,7 +21,7 @@ const TICKS: usize = 5;
 pub(in super::super) fn reliability_diagram(
     target: Target,
     title: &str,
-    lines: &[(usize, &str, Reliability)],
+    lines: &[&(usize, &str, Reliability)],
 ) -> String {
     let names = lines.iter().map(|(_, name, _)| *name);
     let legend = Legend::beside(target, LEFT + PLOT, names);
@@ -30,6 +32,11 @@ pub(in super::super) fn reliability_diagram(
     let y = |value: f64| top + height * (1.0 - value);
     let mut svg = String::new();
     open(&mut svg, target, "chart reliability", size, title);
+    let ranges = lines
+        .iter()
+        .flat_map(|(_, _, reliability)| &reliability.ranges);
+    let most = ranges.map(|range| range.poses).max().unwrap_or(1) as f64;
+    let radius = |poses: usize| (RADII.0 * (poses as f64 / most).sqrt()).max(RADII.1);
     let step = 1.0 / TICKS as f64;
     for value in (0..=TICKS).map(|i| i as f64 * step) {
         grid(&mut svg, (x(0.0), y(value)), (x(1.0), y(value)));
@@ -63,13 +70,15 @@ pub(in super::super) fn reliability_diagram(
         let points: Vec<_> = (reliability.ranges.iter())
             .map(|range| (x(range.stated), y(range.right)))
             .collect();
-        marked_line(
-            &mut svg,
-            target,
-            (*series, name, &tip),
-            &points,
-            (&legend, row, top),
-        );
+        open_group(&mut svg, target, *series, &tip);
+        polyline(&mut svg, *series, &points);
+        for (range, &at) in reliability.ranges.iter().zip(&points) {
+            sized_marker(&mut svg, *series, at, radius(range.poses));
+        }
+        if target == Target::File {
+            legend.entry(&mut svg, (row, top), *series, (name, ""));
+        }
+        svg.push_str("</g>\n");
     }
     svg.push_str("</svg>\n");
     svg
@@ -82,24 +91,29 @@ mod tests {
 
     #[test]
     fn a_range_is_a_point_at_its_mean() {
-        let range = |stated, right| ReliabilityRange {
-            poses: 4,
+        let range = |poses, stated, right| ReliabilityRange {
+            poses,
             stated,
             right,
         };
         let reliability = Reliability {
-            poses: 8,
+            poses: 50,
             right: 0.5,
             stated: 0.5,
             brier: 0.1,
             calibration_error: 0.1,
-            ranges: vec![range(0.25, 0.5), range(0.75, 0.5)],
+            ranges: vec![range(10, 0.25, 0.5), range(40, 0.75, 0.5)],
             no_overlap: 0,
             no_overlap_right: 0,
         };
-        let svg = reliability_diagram(Target::Page, "room", &[(0, "sift", reliability)]);
+        let svg = reliability_diagram(Target::Page, "room", &[&(0, "sift", reliability)]);
         assert_eq!(svg.matches("<circle").count(), 2);
-        assert!(svg.contains("0.75 stated, 0.50 right of 4"), "{svg}");
+        // Four times the poses, four times the area.
+        assert!(
+            svg.contains(r#"r="3.0""#) && svg.contains(r#"r="6.0""#),
+            "{svg}"
+        );
+        assert!(svg.contains("0.75 stated, 0.50 right of 40"), "{svg}");
         assert!(!reliability_diagram(Target::File, "room", &[]).contains("NaN"));
     }
 }

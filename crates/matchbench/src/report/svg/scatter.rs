@@ -13,6 +13,10 @@ const PLOT: (f64, f64) = (470.0, 270.0);
 const LEFT: f64 = 54.0;
 const RIGHT: f64 = 26.0;
 const BOTTOM: f64 = 40.0;
+/// Room between the outermost ticks and the edge of the plot, so that no mark is on it.
+const PAD: f64 = 14.0;
+/// The axis of the AUC spans at least this, since smaller differences look large on it.
+const LEAST_SPAN: f64 = 0.1;
 
 /// One matcher in the figure.
 pub(in super::super) struct Dot<'a> {
@@ -40,9 +44,13 @@ pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -
     let [first, last] = [times.first(), times.last()].map(|t| libm::log10(*t.unwrap_or(&1.0)));
     let (bottom, end, step) = range(&dots);
     let x = |seconds: f64| {
-        LEFT + PLOT.0 * (libm::log10(seconds) - first) / (last - first).max(f64::MIN_POSITIVE)
+        let share = (libm::log10(seconds) - first) / (last - first).max(f64::MIN_POSITIVE);
+        LEFT + PAD + (PLOT.0 - 2.0 * PAD) * share
     };
-    let y = |value: f64| top + PLOT.1 * (1.0 - (value - bottom) / (end - bottom));
+    let y = |value: f64| {
+        let share = (value - bottom) / (end - bottom);
+        top + PAD + (PLOT.1 - 2.0 * PAD) * (1.0 - share)
+    };
 
     let mut svg = String::new();
     let size = (LEFT + PLOT.0 + RIGHT, top + PLOT.1 + BOTTOM);
@@ -72,7 +80,7 @@ pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -
     }
     let whisker = |dot: &Dot<'_>| (dot.auc.interval).map(|range| (y(range.high), y(range.low)));
     let mut labels = Labels::new(
-        [LEFT, top - 2.0, LEFT + PLOT.0 + RIGHT, top + PLOT.1],
+        [LEFT, top, LEFT + PLOT.0, top + PLOT.1],
         dots.iter().map(|(dot, auc)| (x(dot.seconds), y(*auc))),
     );
     for line in fronts.iter().flat_map(|corners| corners.windows(2)) {
@@ -145,7 +153,8 @@ fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     if fine.len() <= 8 { fine } else { all(&[1.0]) }
 }
 
-/// Lower end, upper end and step of the axis of the AUC. It starts at 0, unless all values lie close together.
+/// Lower end, upper end and step of the axis of the AUC. It starts at 0, unless all values lie close together,
+/// and then spans at least [`LEAST_SPAN`].
 fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     let ends = |(dot, auc): &(&Dot<'_>, f64)| match dot.auc.interval {
         Some(interval) => (interval.low, interval.high),
@@ -154,6 +163,9 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     let high = (dots.iter().map(|dot| ends(dot).1)).fold(0.0, f64::max);
     let low = (dots.iter().map(|dot| ends(dot).0)).fold(high, f64::min);
     if low > high / 2.0 {
+        let missing = (LEAST_SPAN - (high - low)).max(0.0);
+        let high = (high + missing / 2.0).min(high.max(1.0));
+        let low = low.min(high - LEAST_SPAN).max(0.0);
         let (step, _) = axis(high - low);
         let bottom = (low / step + 1e-9).floor() * step;
         let end = (high / step - 1e-9).ceil() * step;
@@ -226,7 +238,7 @@ mod tests {
         let svg = scatter(Target::File, "room", &dots);
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(
-            svg.contains(r#"cx="54.0""#) && svg.contains(r#"cx="524.0""#),
+            svg.contains(r#"cx="68.0""#) && svg.contains(r#"cx="510.0""#),
             "{svg}"
         );
         assert!(svg.contains("fast: AUC 0.500, 100 ms"));
@@ -264,6 +276,37 @@ mod tests {
             ["1 ms", "10 ms", "100 ms", "1 s", "10 s"]
         );
         assert!(round(&[]).len() > 1);
+    }
+
+    #[test]
+    fn marks_and_names_are_inside_whatever_is_close_together() {
+        let numbers = |svg: &str, before: &str| -> Vec<f64> {
+            let ends = svg.split(before).skip(1);
+            let numbers = ends.map(|rest| rest.split('"').next().expect("split gives one"));
+            numbers
+                .map(|number| number.parse().expect("a number"))
+                .collect()
+        };
+        for aucs in [[0.61, 0.65], [0.99, 1.0], [0.5, 0.5], [0.0, 0.02]] {
+            let dots = [
+                dot("a matcher with a long name", 0.01, Some(aucs[0])),
+                dot("another", 0.1, Some(aucs[1])),
+            ];
+            let svg = scatter(Target::Page, "room", &dots);
+            let within = |all: Vec<f64>, low: f64, high: f64| {
+                assert!(
+                    all.iter().all(|n| (low..=high).contains(n)),
+                    "{all:?} {svg}"
+                );
+            };
+            within(numbers(&svg, " cx=\""), LEFT + PAD, LEFT + PLOT.0 - PAD);
+            within(numbers(&svg, " cy=\""), 8.0 + PAD, 8.0 + PLOT.1 - PAD);
+            let names = svg.matches("<text class=\"ink\"").count();
+            assert_eq!(names, 2, "{svg}");
+            let dots: Vec<_> = (dots.iter().zip(aucs)).collect();
+            let (bottom, end, _) = range(&dots);
+            assert!(end - bottom > 0.099 || aucs[0] == 0.0, "{bottom} {end}");
+        }
     }
 
     #[test]

@@ -121,8 +121,16 @@ pub(super) fn marked_line(
     svg.push_str("</g>\n");
 }
 
+/// Radius of a marker, where no number is told by it.
+const RADIUS: f64 = 2.8;
+
 /// One of eight shapes around a point. It is hollow if the colour is used for the second time.
 pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
+    sized_marker(svg, series, (x, y), RADIUS);
+}
+
+/// The same of another size.
+pub(super) fn sized_marker(svg: &mut String, series: usize, (x, y): (f64, f64), radius: f64) {
     // Corners in units of the marker's radius; the first shape is a circle.
     const SHAPES: [&[(f64, f64)]; 7] = [
         &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
@@ -133,7 +141,6 @@ pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
         &[(-1.2, 0.0), (0.9, -1.1), (0.9, 1.1)],
         &[(-1.4, -0.5), (1.4, -0.5), (1.4, 0.5), (-1.4, 0.5)],
     ];
-    const RADIUS: f64 = 2.8;
     let colour = PALETTE[series % COLOURS];
     // After all colours were used with all dashes, each colour gets another shape.
     let shape = (series + series / (COLOURS * DASHES)) % (SHAPES.len() + 1);
@@ -146,11 +153,11 @@ pub(super) fn marker(svg: &mut String, series: usize, x: f64, y: f64) {
     if shape == 0 {
         let _ = writeln!(
             svg,
-            r#"<circle {look} cx="{x:.1}" cy="{y:.1}" r="{RADIUS}"/>"#
+            r#"<circle {look} cx="{x:.1}" cy="{y:.1}" r="{radius:.1}"/>"#
         );
     } else {
         let corners: Vec<String> = (SHAPES[shape - 1].iter())
-            .map(|(dx, dy)| format!("{:.1},{:.1}", x + RADIUS * dx, y + RADIUS * dy))
+            .map(|(dx, dy)| format!("{:.1},{:.1}", x + radius * dx, y + radius * dy))
             .collect();
         let _ = writeln!(svg, r#"<polygon {look} points="{}"/>"#, corners.join(" "));
     }
