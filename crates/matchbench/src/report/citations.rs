@@ -8,6 +8,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use deunicode::deunicode;
+
 use crate::metrics::Model;
 use crate::protocols::SUPERGLUE;
 
@@ -91,41 +93,10 @@ fn citation(text: &str) -> Option<Citation> {
 
 /// The letters and digits of a word of a key, in lower case and without accents.
 fn plain(text: &str) -> String {
-    let mut plain = String::new();
-    for letter in text.chars().flat_map(char::to_lowercase) {
-        if letter.is_ascii_alphanumeric() {
-            plain.push(letter);
-        } else {
-            plain.push_str(without_accent(letter));
-        }
-    }
-    plain
-}
-
-/// A small letter of a European name as ASCII has it; nothing for any other character.
-fn without_accent(letter: char) -> &'static str {
-    match letter {
-        'à' | 'á' | 'â' | 'ã' | 'ä' | 'å' | 'ā' | 'ă' | 'ą' => "a",
-        'æ' => "ae",
-        'ç' | 'ć' | 'č' => "c",
-        'ď' | 'đ' | 'ð' => "d",
-        'è' | 'é' | 'ê' | 'ë' | 'ē' | 'ę' | 'ě' => "e",
-        'ğ' => "g",
-        'ì' | 'í' | 'î' | 'ï' | 'ī' | 'ı' => "i",
-        'ł' | 'ľ' => "l",
-        'ñ' | 'ń' | 'ň' => "n",
-        'ò' | 'ó' | 'ô' | 'õ' | 'ö' | 'ø' | 'ō' | 'ő' => "o",
-        'œ' => "oe",
-        'ř' => "r",
-        'ś' | 'ş' | 'š' | 'ș' => "s",
-        'ß' => "ss",
-        'ţ' | 'ť' | 'ț' => "t",
-        'þ' => "th",
-        'ù' | 'ú' | 'û' | 'ü' | 'ū' | 'ů' | 'ű' => "u",
-        'ý' | 'ÿ' => "y",
-        'ź' | 'ż' | 'ž' => "z",
-        _ => "",
-    }
+    let letters = deunicode(text).into_bytes().into_iter();
+    let kept = letters.filter(u8::is_ascii_alphanumeric);
+    kept.map(|letter| char::from(letter.to_ascii_lowercase()))
+        .collect()
 }
 
 /// Journal, volume and number, where a venue is `Journal 60(2)`, or `Journal 60` without a number.
