@@ -66,7 +66,7 @@ type Tasks = (usize, usize, usize, usize);
 /// Runs everything that is not yet recorded in the folder `out`. Returns the numbers of tasks (in the plan,
 /// recorded before, recorded now, failed), and the matchers that could not be started or gave up.
 #[pyfunction]
-#[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, time_budget_ms,
+#[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, sample, time_budget_ms,
                     keep_matches, retry_failed, cache, threads, progress))]
 pub(crate) fn run(
     py: Python<'_>,
@@ -78,6 +78,7 @@ pub(crate) fn run(
     #[pyo3(from_py_with = whole)] seed: u64,
     repeat: NonZeroU32,
     limit: Option<NonZeroUsize>,
+    sample: Option<NonZeroUsize>,
     time_budget_ms: Option<NonZeroU32>,
     keep_matches: &str,
     retry_failed: bool,
@@ -109,6 +110,7 @@ pub(crate) fn run(
             seed,
             repetitions: repeat,
             limit: limit.map(NonZeroUsize::get),
+            sample: sample.map(NonZeroUsize::get),
             time_budget_ms,
             ..Settings::default()
         },

@@ -46,6 +46,14 @@ def outcomes(run, name):
     return [json.loads(line)["outcome"] for path in files for line in path.read_text().splitlines()]
 
 
+def test_a_sample_is_taken_out_of_what_the_limit_leaves(dataset, tmp_path):
+    assert len(dataset.pairs) == 3
+    for name, options, tasks in [("sample", {"sample": 2}, 2), ("both", {"limit": 1, "sample": 2}, 1)]:
+        run = mb.run(dataset, "orb", "ransac-e", out=tmp_path / name, progress=False, **options)
+        assert run.total == tasks and run.is_complete
+        assert json.loads((run.path / "plan.json").read_text())["settings"]["sample"] == 2
+
+
 def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
     staged = Staged()
     matchers = ["sift", mb.matcher("orb", ratio=0.8), by_orb, staged]
@@ -186,7 +194,7 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         start(estimators=[])
     with pytest.raises(ValueError, match="dataset: an empty list; give at least one"):
         mb.run([], "sift", out=tmp_path / "run", progress=False)
-    for name in ("threads", "repeat", "time_budget_ms", "limit"):
+    for name in ("threads", "repeat", "time_budget_ms", "limit", "sample"):
         for count in (0, -1):
             with pytest.raises(ValueError, match=f"^{name}: {count}, must be at least 1"):
                 start(**{name: count})

@@ -338,6 +338,7 @@ def run(
     seed: int,
     repeat: int,
     limit: int | None,
+    sample: int | None,
     time_budget_ms: int | None,
     keep_matches: str,
     retry_failed: bool,

@@ -46,6 +46,7 @@ def run(
     seed: int = 0,
     repeat: int = 1,
     limit: int | None = None,
+    sample: int | None = None,
     time_budget_ms: int | None = None,
     keep_matches: Literal["all", "inliers", "none"] = "all",
     retry_failed: bool = False,
@@ -69,6 +70,9 @@ def run(
     given by name come first, then those written in Python, then those from `matcher(...)`. `progress` may be a
     function of (done, total, dataset, matcher).
 
+    `limit` takes the first pairs of each dataset alone, and `sample` so many pairs, evenly spread (out of the first
+    ones, if there is a limit).
+
     `keep_matches` says which matches are kept on disk, at 20 bytes each: "all" selected matches, which estimators that
     are added later can use; the "inliers" of each estimator; or "none".
 
@@ -79,7 +83,7 @@ def run(
     contenders = [_any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
     own = "leave it out for those that belong to each matcher"
     judges = [] if estimators is None else _some("estimators", estimators, own)
-    counts = {"repeat": repeat, "limit": limit, "time_budget_ms": time_budget_ms, "threads": threads}
+    counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
     for name, count in counts.items():
         if count is not None and count < 1:
             raise ValueError(f"{name}: {count}, must be at least 1")
@@ -94,6 +98,7 @@ def run(
             seed,
             repeat,
             limit,
+            sample,
             time_budget_ms,
             keep_matches,
             retry_failed,
