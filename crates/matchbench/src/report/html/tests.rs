@@ -176,7 +176,7 @@ fn the_headline_says_what_is_shared_and_what_is_certain() {
         ("wall", "orb", 0),
     ];
     let page = page(&sets, "Report");
-    let line = "<strong>sift</strong> has the highest AUC on 3 of 3 datasets, shared on 1; its lead over the next is certain on 1.";
+    let line = "<strong>sift</strong> has the highest AUC on 3 of 3 datasets, shared on 1; its lead over all others is certain on 1.";
     assert!(page.contains(line), "{page}");
     let pair = |other: u32| {
         let sets = [("room", "sift", 9), ("room", "orb", other)];
@@ -187,11 +187,11 @@ fn the_headline_says_what_is_shared_and_what_is_certain() {
         (9, format!("<strong>sift and orb</strong> share {on}.")),
         (
             8,
-            format!("<strong>sift</strong> has {on}; its lead over the next is not certain."),
+            format!("<strong>sift</strong> has {on}; its lead over all others is not certain."),
         ),
         (
             0,
-            format!("<strong>sift</strong> has {on}; its lead over the next is certain."),
+            format!("<strong>sift</strong> has {on}; its lead over all others is certain."),
         ),
     ] {
         assert!(pair(other).contains(&line), "{line}");
@@ -203,7 +203,7 @@ fn the_headline_says_what_is_shared_and_what_is_certain() {
         ("room", "orb", 2),
         ("hall", "orb", 5),
     ]));
-    let line = "</strong> have the highest AUC on 1 of 2 datasets each; their lead over the next is certain on 1 of these 2.";
+    let line = "</strong> have the highest AUC on 1 of 2 datasets each; their lead over all others is certain on 1 of these 2.";
     assert!(each.contains(line), "{each}");
 }
 
