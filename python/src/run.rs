@@ -112,7 +112,6 @@ pub(crate) fn run(
             limit: limit.map(NonZeroUsize::get),
             sample: sample.map(NonZeroUsize::get),
             time_budget_ms,
-            ..Settings::default()
         },
         cache: cache.clone(),
         keep_matches: match keep_matches {
