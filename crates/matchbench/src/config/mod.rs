@@ -50,19 +50,27 @@ pub fn parse_params<P: DeserializeOwned + Default>(
     match config {
         None => Ok(P::default()),
         // Checked here because serde would also accept an array, field by field.
-        Some(object @ Value::Object(_)) => P::deserialize(object).map_err(|error| {
-            let culprit =
-                culprit::<P>(object).map_or_else(String::new, |name| format!("`{name}`: "));
-            ConfigError::new(
-                id,
-                format!("{culprit}{}", in_plain_words(&error.to_string())),
-            )
-        }),
+        Some(object @ Value::Object(_)) => {
+            P::deserialize(object).map_err(|error| refusal::<P>(id, object, &error))
+        }
         Some(other) => Err(ConfigError::new(
             id,
             format!("expected an object like {{\"name\": value}}, found {other}"),
         )),
     }
+}
+
+/// The error that the parameters in `config` are refused, with the name of the one that is of another type.
+fn refusal<P: DeserializeOwned>(
+    id: &str,
+    config: &Value,
+    error: &serde_json::Error,
+) -> ConfigError {
+    let culprit = culprit::<P>(config).map_or_else(String::new, |name| format!("`{name}`: "));
+    ConfigError::new(
+        id,
+        format!("{culprit}{}", in_plain_words(&error.to_string())),
+    )
 }
 
 /// The name of the first parameter that is refused by itself for its type, which the error does not name.
@@ -102,7 +110,7 @@ pub fn parse_params_over<P: Serialize + DeserializeOwned>(
 ) -> Result<P, ConfigError> {
     match config {
         None => Ok(defaults),
-        Some(config) => over(&defaults, config).map_err(|error| ConfigError::new(id, error)),
+        Some(config) => over(&defaults, config).map_err(|error| refusal::<P>(id, config, &error)),
     }
 }
 
@@ -195,6 +203,13 @@ mod tests {
         for wrong in [json!({"ratoi": 0.8}), json!({"count": {}}), json!([1])] {
             assert!(parse(Some(wrong.clone())).is_err(), "{wrong}");
         }
+        let message = parse(Some(json!({"ratio": "high"})))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("`ratio`: invalid type: string \"high\", expected a number"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -38,13 +38,15 @@ pub fn find<'n, E: Copy>(
             format!(" (did you mean `{known}`?)")
         }),
         known: names().collect::<Vec<_>>().join(", "),
-        beside: match kind {
-            "matcher" => {
-                "; a matcher from outside is named by the path of its manifest, such as ./mine.toml"
-            }
-            _ => "",
-        },
+        beside: "",
     })
+}
+
+impl UnknownName {
+    /// The same, with what else a name may be: the end of its message.
+    pub(crate) fn beside(self, beside: &'static str) -> Self {
+        Self { beside, ..self }
+    }
 }
 
 /// Number of letters to insert, remove or replace to turn `a` into `b`, ignoring case (Levenshtein, "Binary
@@ -84,13 +86,16 @@ mod tests {
         let message = |name| answer(name).expect_err("not on the list").to_string();
         assert_eq!(
             message("binbost"),
-            "unknown matcher `binbost` (did you mean `binboost`?); there are: sift, binboost; a matcher from outside is named by the path of its \
-             manifest, such as ./mine.toml"
+            "unknown matcher `binbost` (did you mean `binboost`?); there are: sift, binboost"
         );
         assert_eq!(
             message("superglue"),
-            "unknown matcher `superglue`; there are: sift, binboost; a matcher from outside is named by the path of its \
-             manifest, such as ./mine.toml"
+            "unknown matcher `superglue`; there are: sift, binboost"
+        );
+        let more = answer("superglue").expect_err("not on the list");
+        assert_eq!(
+            more.beside("; or a path").to_string(),
+            "unknown matcher `superglue`; there are: sift, binboost; or a path"
         );
     }
 }

@@ -147,7 +147,11 @@ pub struct Extraction {
 /// # Errors
 /// If there is none. The error names the most similar one, and lists all.
 pub fn find(id: &str) -> Result<&'static dyn MatcherEntry, UnknownName> {
-    config::find("matcher", MATCHERS, MatcherEntry::id, id)
+    config::find("matcher", MATCHERS, MatcherEntry::id, id).map_err(|unknown| {
+        unknown.beside(
+            "; a matcher from outside is named by the path of its manifest, such as ./mine.toml",
+        )
+    })
 }
 
 /// The names, with those of all matchers of [`MATCHERS`] in the place of `all`.
@@ -226,6 +230,16 @@ mod tests {
     fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.unwrap().install(work)
+    }
+
+    #[test]
+    fn an_unknown_matcher_is_answered_with_how_those_from_outside_are_named() {
+        let message = find("lightglue").map(MatcherEntry::id).unwrap_err();
+        let message = message.to_string();
+        assert!(
+            message.contains("sift") && message.ends_with("such as ./mine.toml"),
+            "{message}"
+        );
     }
 
     #[test]

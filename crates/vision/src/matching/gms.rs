@@ -7,8 +7,8 @@
 //!    cell j of b. Cell i is paired with the j of the highest count.
 //! 2. The pair is supported by the matches between the nine cells around i and those around j (eq. 7).
 //!    It is accepted if they are at least `factor * sqrt(n)`, where n is the mean number of matches
-//!    of the nine cells of a (eq. 8; features there, each of which has a match): a wrong pair collects support by chance only, a right one in
-//!    proportion to n.
+//!    of the nine cells of a (eq. 8; features there, each of which has a match): a wrong pair
+//!    collects support by chance only, a right one in proportion to n.
 //! 3. A match is kept if its cells are an accepted pair. Matches near the border of a cell are lost
 //!    that way, so all is done four times with the grid of a moved by half a cell (sec. 4), and what
 //!    is kept once is kept.
@@ -23,7 +23,8 @@
 //! | | cells along each side, `CELLS` | 20 | sec. 4 |
 //!
 //! *Choices*, as in the authors' program: a match that a moved grid does not reach is not counted in
-//! it; cells that are outside of image a, or whose partner is outside of image b, leave the mean; of cells with equal counts the first is taken.
+//! it; cells that are outside of image a, or whose partner is outside of image b, leave the mean; of
+//! cells with equal counts the first is taken.
 
 use nalgebra::Point2;
 
