@@ -32,7 +32,7 @@ HERE = Path(__file__).resolve().parent
 PROGRAMS = HERE.parent / "target/release"
 FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-sift"]
 # The least share, in percent, of keypoints of either side that must have a twin on the other.
-LEAST_TWINS = 97.0
+MIN_TWINS = 97.0
 # The largest allowed difference of the AUC of the two implementations.
 AUC_TOLERANCE = 0.03
 # Variables that limit the instruction sets of the two sides; they are written to machine.txt.
@@ -60,7 +60,7 @@ def measured_features(name, images, repeats, out, environment):
     for row in rows:
         # Descriptors on the keypoints of each side are compared as detectors are: by twins of SIFT's keypoints.
         row["twins"] = min(float(row["theirs>ours %"]), float(row["ours>theirs %"]))
-        if row["twins"] < LEAST_TWINS:
+        if row["twins"] < MIN_TWINS:
             sys.exit(f"{name} on {row['image']}: {row['twins']:.1f} % of the keypoints have a twin")
     return rows
 

@@ -26,7 +26,7 @@ except ImportError:
 
 INSTALLED = pysuperansac is not None
 # With fewer matches it raises an error.
-LEAST_MATCHES = 6
+MIN_MATCHES = 6
 
 
 def clearest_first(matches):
@@ -49,7 +49,7 @@ def essential(points, k, options):
 def peer(matches, k, options):
     """A pose or None, and its seconds; `matches` are sorted with the clearest first."""
     start = time.perf_counter()
-    if len(matches) < LEAST_MATCHES:
+    if len(matches) < MIN_MATCHES:
         return None, time.perf_counter() - start
     points = np.ascontiguousarray(matches[:, :4])
     e, agreeing = essential(points, k, options)

@@ -14,7 +14,7 @@ use std::time::Instant;
 use matchbench::datasets::read_gray;
 use matchbench::external::is_inside;
 use matchbench::matchers::{
-    BuiltPointSource, ImageFiles, MOST_MATCHES, PointSource, SourceError, SourceSeconds,
+    BuiltPointSource, ImageFiles, MAX_MATCHES, PointSource, SourceError, SourceSeconds,
     SourcedMatches,
 };
 use matchbench::run::Cancel;
@@ -216,11 +216,11 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
     for (points, name) in [(a, "points_a"), (b, "points_b")] {
         // Before they are copied: an array may claim any number of rows (`numpy.broadcast_to`).
         if let Ok(array) = points.cast::<PyUntypedArray>()
-            && (array.shape().first()).is_some_and(|&rows| rows > MOST_MATCHES)
+            && (array.shape().first()).is_some_and(|&rows| rows > MAX_MATCHES)
         {
             let rows = array.shape()[0];
             return Err(PyValueError::new_err(format!(
-                "`{name}` has {rows} rows; {MOST_MATCHES} are the most"
+                "`{name}` has {rows} rows; {MAX_MATCHES} are the most"
             )));
         }
     }

@@ -1,7 +1,7 @@
 //! Errors as Python exceptions.
 //!
 //! Invalid arguments raise Python's own `TypeError` and `ValueError`. Problems with files, datasets, runs and
-//! matchers raise `matchbench.Error`. Matches that determine no pose raise its subclass `matchbench.NoPose`.
+//! matchers raise `matchbench.Error`. Matches that determine no pose raise its subclass `matchbench.NoModel`.
 
 use std::fmt::Display;
 
@@ -16,7 +16,7 @@ pyo3::create_exception!(
 );
 pyo3::create_exception!(
     matchbench,
-    NoPose,
+    NoModel,
     Error,
     "The matches determine no pose; the message says why."
 );

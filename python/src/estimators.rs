@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::arrays::{chosen, column, matrix, points};
 use crate::camera::Camera;
 use crate::detached::detached;
-use crate::errors::{NoPose, value_error};
+use crate::errors::{NoModel, value_error};
 use crate::integers::whole;
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
@@ -93,7 +93,7 @@ impl Estimator {
     /// An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
     /// With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
     ///
-    /// Raises `NoPose` if the matches determine no pose.
+    /// Raises `NoModel` if the matches determine no pose.
     #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate(
         &self,
@@ -124,7 +124,7 @@ impl Estimator {
             };
             let estimate = pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))?;
             let confidence = views.confidence(&estimate.b_from_a);
-            Ok::<_, robust::NoPose>((estimate, confidence))
+            Ok::<_, robust::NoModel>((estimate, confidence))
         })?;
         match found {
             Ok((inner, confidence)) => Ok(PoseEstimate {
@@ -132,7 +132,7 @@ impl Estimator {
                 count,
                 confidence,
             }),
-            Err(none) => Err(NoPose::new_err(none.to_string())),
+            Err(none) => Err(NoModel::new_err(none.to_string())),
         }
     }
 
@@ -145,7 +145,7 @@ impl Estimator {
     /// The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
     /// `ambiguity`, `turns` and `seed` are those of `estimate`.
     ///
-    /// Raises `NoPose` if the matches determine no homography.
+    /// Raises `NoModel` if the matches determine no homography.
     #[pyo3(signature = (points_a, points_b, *, ambiguity=None, turns=None, seed=0))]
     fn estimate_homography(
         &self,
@@ -168,7 +168,7 @@ impl Estimator {
                 inner,
                 count: matches.len(),
             }),
-            Err(none) => Err(NoPose::new_err(none.to_string())),
+            Err(none) => Err(NoModel::new_err(none.to_string())),
         }
     }
 

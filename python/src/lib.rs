@@ -42,7 +42,7 @@ mod native {
     #[pymodule_export]
     use crate::datasets::{Dataset, import_dataset, read_gray, rendered_scene};
     #[pymodule_export]
-    use crate::errors::{Error, NoPose};
+    use crate::errors::{Error, NoModel};
     #[pymodule_export]
     use crate::estimators::{Estimator, HomographyEstimate, PoseEstimate};
     #[pymodule_export]

@@ -158,14 +158,14 @@ def test_a_bent_lens_is_straightened(dataset, matches):
 def test_too_few_matches_are_no_pose():
     camera = mb.Camera(300, 300, 160, 120)
     points = np.arange(8.0).reshape(4, 2)
-    with pytest.raises(mb.NoPose, match="too few matches: 4"):
+    with pytest.raises(mb.NoModel, match="too few matches: 4"):
         mb.estimator("best").estimate(points, points, camera, camera)
     pose, info = mb.estimate_relative_pose(points, points, camera, camera)
     assert pose is None and info["num_inliers"] == 0 and "too few" in info["no_pose"]
     for none in (np.zeros((0, 2)), np.array([]), [], ()):
-        with pytest.raises(mb.NoPose, match="too few matches: 0"):
+        with pytest.raises(mb.NoModel, match="too few matches: 0"):
             mb.estimator("best").estimate(none, none, camera, camera, ambiguity=[])
-        with pytest.raises(mb.NoPose, match="too few matches: 0"):
+        with pytest.raises(mb.NoModel, match="too few matches: 0"):
             mb.estimator("best-h").estimate_homography(none, none)
         pose, info = mb.estimate_relative_pose(none, none, camera, camera)
         assert pose is None and info["inliers"] == [] and "too few" in info["no_pose"]
@@ -283,5 +283,5 @@ def test_a_homography_is_found_among_wrong_matches():
         best.estimate(a, b, camera, camera)
     with pytest.raises(ValueError, match="estimates poses"):
         mb.estimator("best").estimate_homography(a, b)
-    with pytest.raises(mb.NoPose):
+    with pytest.raises(mb.NoModel):
         best.estimate_homography(a[:3], b[:3])

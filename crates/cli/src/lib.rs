@@ -28,7 +28,7 @@ use stop::STOPPED;
 use threads::Threads;
 
 /// More threads per core than this take memory and gain nothing.
-const MOST_THREADS_A_CORE: usize = 4;
+const MAX_THREADS_PER_CORE: usize = 4;
 
 /// How a command ended that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,7 +135,7 @@ fn in_pool(command: &Command) -> anyhow::Result<Ending> {
 /// If the system cannot start them.
 pub fn pool(asked: Option<NonZeroUsize>) -> anyhow::Result<ThreadPool> {
     let cores = available_parallelism().map_or(1, usize::from);
-    let useful = MOST_THREADS_A_CORE * cores;
+    let useful = MAX_THREADS_PER_CORE * cores;
     // Results do not depend on the number of threads, so fewer threads than asked for change nothing.
     let threads = asked.map_or(0, |asked| asked.get().min(useful));
     ThreadPoolBuilder::new()

@@ -18,8 +18,8 @@ pub(crate) const STOPPED: u8 = 130;
 /// Held while the user ends the process.
 static ENDING: Mutex<()> = Mutex::new(());
 
-/// Where the user is ending the process, this never returns. Work that meets the end of its matcher fails, but that is
-/// no error to be told.
+/// Never returns while the user is ending the process. Pairs whose matcher was killed by that fail, and these failures
+/// must not be reported.
 pub(crate) fn wait_if_ending() {
     drop(ending());
 }

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use clap::Args;
 
 /// More threads than any machine of today can use.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 /// How many threads a command uses in total.
 #[derive(Clone, Copy, Debug, Default, Args)]
@@ -16,6 +16,6 @@ pub(crate) struct Threads {
 }
 
 fn threads(text: &str) -> Result<NonZeroUsize, String> {
-    let number = (text.parse().ok()).filter(|number: &NonZeroUsize| number.get() <= MOST_THREADS);
-    number.ok_or_else(|| format!("give a number from 1 to {MOST_THREADS}"))
+    let number = (text.parse().ok()).filter(|number: &NonZeroUsize| number.get() <= MAX_THREADS);
+    number.ok_or_else(|| format!("give a number from 1 to {MAX_THREADS}"))
 }

@@ -1,10 +1,12 @@
 //! From two images to the relative pose of their cameras, in pure Rust.
 //!
-//! Local features (SIFT, SURF, ORB, BRISK, KAZE, AKAZE, FREAK, LATCH, DAISY, DLCO, BinBoost, ASIFT), search for
-//! nearest neighbours, selection of matches (ratio test, GMS, KVLD, CODE, RepMatch, GAIM, AdaLAM) and robust
-//! two-view geometry (RANSAC and its descendants), each after its paper. Nothing here reads a file, a clock, an
+//! Local features (SIFT, RootSIFT, DSP-SIFT, SURF, FAST, ORB, BRISK, KAZE, AKAZE, FREAK, LATCH, DAISY, DLCO, BinBoost,
+//! ASIFT), search for nearest neighbours, selection of matches (ratio test, FGINN, GMS, KVLD, CODE, RepMatch, GAIM,
+//! AdaLAM) and robust two-view geometry (RANSAC and its descendants), each after its paper. Nothing here reads a file, a clock, an
 //! environment variable or a global: the same input gives the same bits on every machine and for any number of
-//! threads. One exception changes no result: which instructions kernels use is asked once ([`InstructionSet`]).
+//! threads. Three things are read that change no
+//! result: which instructions the processor has ([`InstructionSet`]), the size of its second-level cache (how wide the
+//! strips of a scale space are) and the number of threads (how many views are simulated at once).
 //!
 //! ```
 //! use matchbench_vision::features::{Sift, SiftParams};

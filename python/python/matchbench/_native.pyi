@@ -13,7 +13,7 @@ _Arrays = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
 class Error(Exception):
     """A problem outside the arguments: with a file, a dataset or a run, or a matcher that failed."""
 
-class NoPose(Error):
+class NoModel(Error):
     """The matches determine no pose; the message says why."""
 
 @final
@@ -253,7 +253,7 @@ class Estimator:
         """The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
         `ambiguity`, `turns` and `seed` are those of `estimate`.
 
-        Raises `NoPose` if the matches determine no homography."""
+        Raises `NoModel` if the matches determine no homography."""
     def estimate(
         self,
         points_a: ArrayLike,
@@ -275,7 +275,7 @@ class Estimator:
         An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
         With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
 
-        Raises `NoPose` if the matches determine no pose."""
+        Raises `NoModel` if the matches determine no pose."""
 
 @final
 class Dataset:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._native import Camera, Estimator, NoPose
+from ._native import Camera, Estimator, NoModel
 from ._params import to_json
 
 _RANSAC = {
@@ -33,7 +33,7 @@ def estimator(id: str, **params: Any) -> Estimator:
     """The estimator with this `id` ("best" is our recommendation for poses, "best-h" for homographies;
     `matchbench list estimators` lists all). Parameters that are not in `params` keep their defaults.
     `estimate(points_a, points_b, camera_a, camera_b)` returns a `PoseEstimate`. An estimator of homographies has
-    `estimate_homography(points_a, points_b)` instead, which returns a `HomographyEstimate`. Both may raise `NoPose`."""
+    `estimate_homography(points_a, points_b)` instead, which returns a `HomographyEstimate`. Both may raise `NoModel`."""
     return Estimator(id, to_json(params))
 
 
@@ -107,7 +107,7 @@ def estimate_relative_pose(
     count = len(np.asarray(points2D_1))
     try:
         found = best.estimate(points2D_1, points2D_2, *cameras, ambiguity=ambiguity, seed=seed)
-    except NoPose as reason:
+    except NoModel as reason:
         info = {"num_inliers": 0, "inlier_ratio": 0.0, "inliers": [False] * count, "iterations": 0}
         return None, {**info, "no_pose": str(reason)}
     info = {

@@ -6,7 +6,11 @@ mod runs;
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use matchbench::estimators::ESTIMATORS;
+use matchbench::matchers::MATCHERS;
+use matchbench::protocols::PROTOCOLS;
 
 pub(crate) use data::{ConvertArgs, Images, ImportArgs, ValidateArgs};
 pub(crate) use results::{
@@ -87,23 +91,35 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  matchbench list estimators
+  matchbench list sift                                   what each parameter of SIFT means
+  matchbench list superglue                              how this protocol evaluates")]
 pub(crate) struct ListArgs {
-    /// What to list [default: everything]
-    #[arg(value_enum)]
-    pub what: Option<Listed>,
+    /// `matchers`, `estimators`, `protocols`, `datasets` (built-in ones, and the kinds that can be imported) or
+    /// `formats` (of files of matches) [default: all]; or the id of a matcher, an estimator or a protocol, to read
+    /// what it does and what each of its parameters means
+    #[arg(value_parser = listed(), hide_possible_values = true)]
+    pub what: Option<String>,
 }
 
+/// What can be listed: whole lists, and the matchers, estimators and protocols in them.
+fn listed() -> PossibleValuesParser {
+    let lists = (Listed::value_variants().iter()).filter_map(ValueEnum::to_possible_value);
+    let ids = (MATCHERS.iter().map(|matcher| matcher.id()))
+        .chain(ESTIMATORS.iter().map(|estimator| estimator.id()))
+        .chain(PROTOCOLS.iter().map(|protocol| protocol.id));
+    lists.chain(ids.map(PossibleValue::new)).into()
+}
+
+/// The lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Listed {
-    /// Matchers, their papers and parameters
     Matchers,
-    /// Pose estimators, their papers and parameters
     Estimators,
-    /// Evaluation protocols of published benchmarks, with all their details
     Protocols,
-    /// Built-in datasets, and the kinds that can be imported
     Datasets,
-    /// Formats of matches from files
     Formats,
 }
 

@@ -10,9 +10,11 @@ use nalgebra::Point2;
 
 use super::epipolar::wrap;
 
-/// Largest difference in place: this share of the size of the keypoint, but at most this many pixels more than
-/// 0.05 of its size, and never less than this many pixels.
-const PLACE: (f32, f32) = (0.15, 0.5);
+/// Largest distance in place of a keypoint of size s: `max(PLACE_PX, min(PLACE_SHARE s, PLACE_PX + SLACK_SHARE s))`, in
+/// pixels.
+const PLACE_PX: f32 = 0.5;
+const PLACE_SHARE: f32 = 0.15;
+const SLACK_SHARE: f32 = 0.05;
 /// Largest ratio of sizes: a third of an octave, which is the ratio of neighbouring scales.
 const RATIO: f32 = 1.26;
 /// Largest difference of directions, in radians.
@@ -49,9 +51,9 @@ pub(super) fn agreeing(a: &Features, b: &Features, transfer: Transfer<'_>) -> Ve
         let Some(expected) = carried(keypoint, transfer) else {
             continue;
         };
-        let reach = (PLACE.0 * expected.size)
-            .min(PLACE.1 + 0.05 * expected.size)
-            .max(PLACE.1);
+        let reach = (PLACE_SHARE * expected.size)
+            .min(PLACE_PX + SLACK_SHARE * expected.size)
+            .max(PLACE_PX);
         let fits = |found: &Keypoint| {
             let ratio = found.size / expected.size;
             let turn = wrap(found.angle.unwrap_or(0.0) - expected.angle.unwrap_or(0.0));

@@ -10,7 +10,7 @@ use crate::counted::counted;
 
 /// The most bytes that one array may have. Ten million matches with two points each take 160 MB. An array that
 /// claims more than the limit is damaged or hostile.
-pub(crate) const MOST_BYTES: u64 = 1 << 30;
+pub(crate) const MAX_BYTES: u64 = 1 << 30;
 
 /// An array in row-major order.
 #[derive(Clone, Debug, PartialEq)]

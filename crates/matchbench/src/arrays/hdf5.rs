@@ -15,22 +15,22 @@ use hdf5_reader::{ByteOrder, DEFAULT_MAX_CHUNK_BYTES, Datatype, Hdf5File as Read
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
-use super::array::{Array, Element, Kind, MOST_BYTES};
+use super::array::{Array, Element, Kind, MAX_BYTES};
 use crate::counted::counted;
 use crate::files::{open_file, write_new};
 
 /// The most groups and arrays of a file, since each needs memory for its name. A file with a hundred thousand
 /// pairs has a million arrays. A group is counted each time it is met, since links can make a few groups look
 /// like many.
-const MOST_MEMBERS: usize = 4_000_000;
+const MAX_MEMBERS: usize = 4_000_000;
 /// The most bytes of all their paths together.
-const MOST_NAME_BYTES: usize = 1 << 30;
+const MAX_NAME_BYTES: usize = 1 << 30;
 /// The deepest nesting of groups. It is limited because links may form cycles; names of images may contain
 /// folders.
 const DEEPEST: usize = 24;
 /// The most bytes of an array for each byte of its file. Deflate, the strongest filter in use, makes up to 1032 of one.
 /// Without this limit, an array of which nothing is stored could claim any shape, and all of it would be filled.
-const MOST_GROWTH: u64 = 1100;
+const MAX_GROWTH: u64 = 1100;
 
 /// An opened file.
 pub(crate) struct Hdf5 {
@@ -46,7 +46,7 @@ impl Hdf5 {
     /// # Errors
     /// If it cannot be read or is not an HDF5 file.
     pub(crate) fn open(path: &Path) -> Result<Self, ArrayError> {
-        Self::with_arrays_of(path, MOST_BYTES as usize)
+        Self::with_arrays_of(path, MAX_BYTES as usize)
     }
 
     /// Opens a file whose arrays have at most so many bytes, as has each chunk in which they are stored.
@@ -80,7 +80,7 @@ impl Hdf5 {
     /// # Errors
     /// If a group cannot be read, or there are too many arrays.
     pub(crate) fn arrays(&self) -> Result<Vec<String>, ArrayError> {
-        self.arrays_within(MOST_MEMBERS, MOST_NAME_BYTES)
+        self.arrays_within(MAX_MEMBERS, MAX_NAME_BYTES)
     }
 
     fn arrays_within(&self, members: usize, bytes: usize) -> Result<Vec<String>, ArrayError> {
@@ -144,7 +144,7 @@ impl Hdf5 {
                 format!("its elements are {}, not numbers", kind(dataset.dtype()))
             })?;
             let claimed = dataset.raw_byte_len().map_err(|error| error.to_string())?;
-            if claimed as u64 / MOST_GROWTH > self.bytes {
+            if claimed as u64 / MAX_GROWTH > self.bytes {
                 return Err(format!(
                     "its shape {shape:?} claims {}, more than a file of {} can hold",
                     counted(claimed, "byte"),

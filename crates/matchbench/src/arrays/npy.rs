@@ -15,9 +15,9 @@ use super::array::{Array, Element, bytes_of};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header; numpy itself refuses longer ones.
-const MOST_HEADER: usize = 10_000;
+const MAX_HEADER: usize = 10_000;
 /// The most dimensions of an array.
-pub(crate) const MOST_SIDES: usize = 8;
+pub(crate) const MAX_SIDES: usize = 8;
 
 /// The header of an array, padded so that the elements begin at a multiple of 64 bytes.
 pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
@@ -64,7 +64,7 @@ pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array,
         }
         version => return Err(format!(".npy version {version} is not known")),
     };
-    if length > MOST_HEADER {
+    if length > MAX_HEADER {
         return Err(format!("its header claims {length} bytes"));
     }
     let mut header = vec![0; length];
@@ -119,7 +119,7 @@ fn parse_header(header: &str) -> Option<Result<Header, String>> {
     for side in (sides.split(',').map(str::trim)).filter(|side| !side.is_empty()) {
         shape.push(side.parse().ok()?);
     }
-    if shape.len() > MOST_SIDES {
+    if shape.len() > MAX_SIDES {
         return None;
     }
     let header = Element::of_numpy(descr).map(|element| Header {
@@ -134,14 +134,14 @@ fn parse_header(header: &str) -> Option<Result<Header, String>> {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::array::MOST_BYTES;
+    use super::super::array::MAX_BYTES;
     use super::super::testing::npy;
     use super::*;
 
     #[test]
     fn headers_that_lie_are_refused_without_memory() {
         let good = npy("<f4", "(1, 2)", &[0; 8]);
-        assert!(read_array(&mut &good[..], MOST_BYTES).is_ok());
+        assert!(read_array(&mut &good[..], MAX_BYTES).is_ok());
         for (kind, shape, named) in [
             ("<f4", "(1, 3)", "does not fit"),
             ("<f4", "(1, 1)", "longer"),
@@ -157,17 +157,17 @@ mod tests {
             ("<f4", "(2", "not understood"),
             ("<f4", "(1,1,1,1,1,1,1,1,2)", "not understood"),
         ] {
-            let message = read_array(&mut &npy(kind, shape, &[0; 8])[..], MOST_BYTES).unwrap_err();
+            let message = read_array(&mut &npy(kind, shape, &[0; 8])[..], MAX_BYTES).unwrap_err();
             assert!(message.contains(named), "{shape}: {message}");
         }
-        let message = read_array(&mut &good[..20], MOST_BYTES).unwrap_err();
+        let message = read_array(&mut &good[..20], MAX_BYTES).unwrap_err();
         assert!(message.contains("cut off"), "{message}");
         for (bytes, named) in [
             (&b"PK\x03\x04 no array"[..], "no .npy"),
             (b"\x93NUMPY\x04\x00\x00\x00", "version 4"),
             (b"\x93NUMPY\x02\x00\xff\xff\xff\xff", "claims"),
         ] {
-            let message = read_array(&mut &bytes[..], MOST_BYTES).unwrap_err();
+            let message = read_array(&mut &bytes[..], MAX_BYTES).unwrap_err();
             assert!(message.contains(named), "{message}");
         }
     }
@@ -181,7 +181,7 @@ mod tests {
         columns.extend((text.len() as u16).to_le_bytes());
         columns.extend(text.as_bytes());
         columns.extend(&bytes);
-        let read = |file: &[u8]| read_array(&mut &file[..], MOST_BYTES).unwrap().to_vec();
+        let read = |file: &[u8]| read_array(&mut &file[..], MAX_BYTES).unwrap().to_vec();
         assert_eq!(read(&rows), [0., 1., 2., 3., 4., 5.]);
         assert_eq!(read(&columns), [0., 2., 4., 1., 3., 5.]);
     }
@@ -193,8 +193,8 @@ mod tests {
             file.extend((header.len() as u16).to_le_bytes());
             file.extend(header.as_bytes());
             file.extend(&tail);
-            let _ = read_array(&mut &file[..], MOST_BYTES);
-            let _ = read_array(&mut &tail[..], MOST_BYTES);
+            let _ = read_array(&mut &file[..], MAX_BYTES);
+            let _ = read_array(&mut &tail[..], MAX_BYTES);
         }
     }
 }

@@ -10,12 +10,12 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::ArrayError;
-use super::array::{Array, MOST_BYTES};
+use super::array::{Array, MAX_BYTES};
 use super::npy::{header, read_array};
 use crate::files::open_file;
 
 /// The most members of an archive, since each name is kept in memory.
-const MOST_MEMBERS: usize = 4096;
+const MAX_MEMBERS: usize = 4096;
 
 /// An opened `.npz`.
 #[derive(Debug)]
@@ -35,20 +35,20 @@ impl Npz {
         let file = open_file(path).map_err(|error| ArrayError::unreadable(path, error))?;
         let zip = ZipArchive::new(BufReader::new(file))
             .map_err(|error| ArrayError::damaged(path, format!("no zip file ({error})")))?;
-        if zip.len() > MOST_MEMBERS {
+        if zip.len() > MAX_MEMBERS {
             let what = format!("{} arrays in one file", zip.len());
             return Err(ArrayError::damaged(path, what));
         }
         Ok(Self {
             path: path.into(),
             zip,
-            most_bytes: MOST_BYTES,
+            most_bytes: MAX_BYTES,
         })
     }
 
     /// The same archive, with this limit for the bytes of an array.
     pub(crate) fn with_arrays_of(mut self, bytes: usize) -> Self {
-        self.most_bytes = MOST_BYTES.min(bytes as u64);
+        self.most_bytes = MAX_BYTES.min(bytes as u64);
         self
     }
 

@@ -6,6 +6,7 @@
 
 mod changes;
 mod names;
+mod parameters;
 
 use std::fmt;
 
@@ -15,6 +16,9 @@ use serde_json::{Map, Value};
 
 pub use changes::{Changes, parse_value};
 pub use names::{UnknownName, find};
+#[cfg(test)]
+pub(crate) use parameters::check_explained;
+pub use parameters::{Parameter, parameters};
 
 /// An error in the parameters of a matcher or estimator.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -35,7 +35,7 @@ use crate::memory::{TooMuch, reserve};
 
 /// Most pixels that an image may have unless another limit is set, 2^27 (e.g. 11,585 x 11,585). A file that
 /// claims more has a damaged header or is an attack, and no memory is allocated for it.
-pub const MOST_PIXELS: usize = 1 << 27;
+pub const MAX_PIXELS: usize = 1 << 27;
 /// Most bytes that a decoder may allocate besides the pixels: for colour profiles, comments, and rows of its
 /// own.
 const BESIDE_PIXELS: u64 = 64 << 20;
@@ -337,14 +337,14 @@ fn other_error(error: &image::ImageError) -> DecodeError {
 static ASKED: AtomicUsize = AtomicUsize::new(0);
 
 /// Sets the largest number of pixels of an image, from now on and in all threads. Without this call the limit
-/// is [`MOST_PIXELS`].
+/// is [`MAX_PIXELS`].
 pub fn limit_pixels(most: NonZeroUsize) {
     ASKED.store(most.get(), Ordering::Relaxed);
 }
 
 fn most_pixels() -> usize {
     match ASKED.load(Ordering::Relaxed) {
-        0 => MOST_PIXELS,
+        0 => MAX_PIXELS,
         asked => asked,
     }
 }

@@ -72,8 +72,10 @@ impl Fingerprint {
             self.has_poses = true;
         }
         if let Some(homography) = pair.homography() {
-            // As many numbers as a pair with a pose has, and no dataset has this one. Where homographies are
-            // alone, as in earlier fingerprints, every pair has as many.
+            // A homography has nine numbers, as a pair with a pose has (two indices, four of the rotation, three of
+            // the translation), so one could be taken for the other. An infinity, which no dataset contains,
+            // separates them. A dataset of homographies alone needs none, and keeps the fingerprint that it had in
+            // earlier versions.
             if self.has_poses {
                 self.numbers(&[f64::INFINITY]);
             }

@@ -35,7 +35,7 @@ pub(super) const FILE: &str = "dataset.toml";
 pub(super) const VERSION: u32 = 1;
 
 /// Most problems of one manifest that are reported.
-const MOST_PROBLEMS: usize = 20;
+const MAX_PROBLEMS: usize = 20;
 
 /// The contents of `dataset.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -185,7 +185,7 @@ impl Manifest {
     }
 
     /// Reads as much of a manifest as possible, and notes what is wrong. A line that is invalid on its own is
-    /// removed, so that the rest can be checked; this is done at most [`MOST_PROBLEMS`] times.
+    /// removed, so that the rest can be checked; this is done at most [`MAX_PROBLEMS`] times.
     pub(super) fn parse_all(file: &TextFile) -> (Option<Self>, Vec<DatasetError>) {
         let mut lines: Vec<&str> = file.text().lines().collect();
         let mut problems = Vec::new();
@@ -201,7 +201,7 @@ impl Manifest {
             let line = (error.line).and_then(|line| lines.get_mut(line.checked_sub(1)?));
             problems.push(error);
             match line {
-                Some(line) if is_setting(line) && problems.len() < MOST_PROBLEMS => *line = "",
+                Some(line) if is_setting(line) && problems.len() < MAX_PROBLEMS => *line = "",
                 _ => return (None, problems),
             }
         }
@@ -236,11 +236,11 @@ impl Manifest {
 }
 
 /// Longest name of a dataset. File systems allow 255 bytes, and some file names have an ending added.
-const MOST_BYTES_OF_A_NAME: usize = 200;
+const MAX_NAME_BYTES: usize = 200;
 
 /// Whether `name` can be the name of a folder on every system.
 fn is_plain_name(name: &str) -> bool {
-    (1..=MOST_BYTES_OF_A_NAME).contains(&name.len())
+    (1..=MAX_NAME_BYTES).contains(&name.len())
         && !name.starts_with('.')
         && name
             .chars()
@@ -306,7 +306,7 @@ mod tests {
         assert_eq!(parse_all("version = 1\nnotes = [\n'a'\n").1.len(), 1);
         assert_eq!(parse_all("version = 'x'\ncolour = 3\n").1.len(), 2);
         let many: Vec<String> = (0..99).map(|i| format!("a{i} = 1")).collect();
-        assert_eq!(parse_all(&many.join("\n")).1.len(), MOST_PROBLEMS);
+        assert_eq!(parse_all(&many.join("\n")).1.len(), MAX_PROBLEMS);
     }
 
     #[test]

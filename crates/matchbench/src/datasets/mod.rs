@@ -34,7 +34,7 @@ mod write;
 pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
 pub use decode::{
-    DecodeError, MOST_PIXELS, check_size, decode_gray, gray_of_rgb, limit_pixels, read_gray,
+    DecodeError, MAX_PIXELS, check_size, decode_gray, gray_of_rgb, limit_pixels, read_gray,
     read_size,
 };
 pub use depth::{Depth, DepthFile, DepthUnit, decode_depth};

@@ -14,7 +14,7 @@ use crate::counted::counted;
 
 /// Largest angle between the rotation of a pair and that of the poses, in radians (0.1 degrees; both are
 /// printed with about six digits).
-const ROTATION_TOLERANCE: f64 = 1.75e-3;
+const ROTATION_TOLERANCE_RAD: f64 = 1.75e-3;
 /// Largest difference of the translations, as a share of the baseline ...
 const TRANSLATION_TOLERANCE: f64 = 0.01;
 /// ... plus the uncertainty of six printed digits, as a share of the distances of the cameras from the origin.
@@ -33,7 +33,7 @@ pub(super) fn contradiction(
     let from_origin =
         world_from_a.translation.vector.norm() + world_from_b.translation.vector.norm();
     let allowed = TRANSLATION_TOLERANCE * baseline + PRINTED_DIGITS * from_origin;
-    (angle > ROTATION_TOLERANCE || shift > allowed).then(|| {
+    (angle > ROTATION_TOLERANCE_RAD || shift > allowed).then(|| {
         format!(
             "the pair {a} {b} differs from pose.txt by {:.2} degrees and {shift:.3e} of a baseline of \
              {baseline:.3e}",

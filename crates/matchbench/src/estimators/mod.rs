@@ -24,7 +24,7 @@ use matchbench_vision::robust::{
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::config::{self, ConfigError, UnknownName, parse_params, to_json};
+use crate::config::{self, ConfigError, Parameter, UnknownName, parameters, parse_params, to_json};
 
 /// The entry of an estimator: its name, what it is, and how to build it.
 pub trait EstimatorEntry: Sync {
@@ -39,6 +39,9 @@ pub trait EstimatorEntry: Sync {
 
     /// Every parameter and its default, as a JSON object.
     fn defaults(&self) -> Value;
+
+    /// Every parameter and what it means, by name.
+    fn parameters(&self) -> Vec<Parameter>;
 
     /// The estimator with the given parameters, a JSON object; the others keep their defaults.
     ///
@@ -157,6 +160,10 @@ impl<P: PresetParams> EstimatorEntry for Preset<P> {
         to_json(&(self.defaults)())
     }
 
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Settings>(&EstimatorEntry::defaults(self))
+    }
+
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {
         let refused = |error| ConfigError::new(self.id, error);
         let changes: Settings = parse_params(self.id, params)?;
@@ -237,6 +244,15 @@ mod tests {
                 "{}",
                 entry.id()
             );
+        }
+    }
+
+    #[test]
+    fn every_parameter_is_explained_and_every_choice_can_be_made() {
+        for entry in ESTIMATORS {
+            config::check_explained(entry.id(), &entry.parameters(), |params| {
+                entry.build(Some(params)).map(|built| built.params)
+            });
         }
     }
 

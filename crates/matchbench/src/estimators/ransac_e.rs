@@ -4,7 +4,7 @@ use matchbench_vision::robust::{Ransac, RansacParams};
 use serde_json::Value;
 
 use super::{BuiltEstimator, Estimator, EstimatorEntry};
-use crate::config::{ConfigError, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params, to_json};
 
 const ID: &str = "ransac-e";
 
@@ -27,6 +27,10 @@ impl EstimatorEntry for RansacE {
 
     fn defaults(&self) -> Value {
         to_json(&RansacParams::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<RansacParams>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError> {

@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 
 use crate::arrays::Element;
 use crate::config::{self, UnknownName};
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::MAX_MATCHES;
 
 pub use error::ExchangeError;
 pub use export::{Export, Model, PairExport, Seen, TwoView, check_dataset};
@@ -152,10 +152,10 @@ trait Source: Send + Sync {
 /// is asked before there is memory for them.
 ///
 /// # Errors
-/// If it is more than [`MOST_MATCHES`].
+/// If it is more than [`MAX_MATCHES`].
 fn bounded(matches: usize) -> Result<usize, String> {
-    if matches > MOST_MATCHES {
-        return Err(format!("{matches} matches; {MOST_MATCHES} are the most"));
+    if matches > MAX_MATCHES {
+        return Err(format!("{matches} matches; {MAX_MATCHES} are the most"));
     }
     Ok(matches)
 }

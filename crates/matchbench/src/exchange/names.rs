@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::datasets::Sequence;
 
 /// Folders above an image that may be part of its name.
-const MOST_FOLDERS: usize = 6;
+const MAX_FOLDERS: usize = 6;
 
 /// What a file calls a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -173,7 +173,7 @@ impl Names {
 /// The names that an image answers to: the ends of its path, also without the ending, and with `-`
 /// for `/`.
 fn names_of(image: &Path) -> Vec<String> {
-    let parts: Vec<_> = (image.iter().rev().take(1 + MOST_FOLDERS))
+    let parts: Vec<_> = (image.iter().rev().take(1 + MAX_FOLDERS))
         .map(|part| part.to_string_lossy())
         .collect();
     let mut names = Vec::new();

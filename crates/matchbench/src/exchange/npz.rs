@@ -14,7 +14,7 @@ use super::{
 use crate::arrays::{self, Array};
 use crate::counted::counted;
 use crate::files::write_new;
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::MAX_MATCHES;
 
 pub(super) const NPZ: Format = Format {
     id: "npz",
@@ -58,7 +58,7 @@ impl Source for Npz {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let path = &self.files[index];
-        let mut file = arrays::Npz::open(path)?.with_arrays_of(MOST_MATCHES * POINT);
+        let mut file = arrays::Npz::open(path)?.with_arrays_of(MAX_MATCHES * POINT);
         let (a, b, score) = (file.array("a")?, file.array("b")?, file.find("score")?);
         matches(&a, &b, score.as_ref()).map_err(|what| ExchangeError::damaged(path, what))
     }

@@ -97,7 +97,7 @@ impl Source for Packed {
 }
 
 /// The most pairs of a file, whose names need many times its bytes if it is compressed.
-const MOST_PAIRS: usize = 10_000_000;
+const MAX_PAIRS: usize = 10_000_000;
 
 fn frames(pairs: &Array) -> Result<Vec<PairName>, String> {
     let frame = |index: usize| {
@@ -107,8 +107,8 @@ fn frames(pairs: &Array) -> Result<Vec<PairName>, String> {
             .ok_or_else(|| format!("entry {index} is -1"))
     };
     let count = pairs.rows(2)?;
-    if count > MOST_PAIRS {
-        return Err(format!("{count} pairs; {MOST_PAIRS} are the most"));
+    if count > MAX_PAIRS {
+        return Err(format!("{count} pairs; {MAX_PAIRS} are the most"));
     }
     (0..count)
         .map(|row| Ok(PairName::Frames(frame(2 * row)?, frame(2 * row + 1)?)))

@@ -12,7 +12,7 @@ use crate::files::open_file;
 /// Endings of files that may hold matches; a folder's other files (logs, images) are passed over.
 const ENDINGS: [&str; 7] = ["npz", "txt", "h5", "hdf5", "db", "sqlite", "sqlite3"];
 /// The most files of a folder: one for each pair of a dataset.
-const MOST_FILES: usize = 1_000_000;
+const MAX_FILES: usize = 1_000_000;
 
 /// Files that belong together.
 pub(super) struct Probe {
@@ -163,8 +163,8 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ExchangeError> {
         if !hidden && ENDINGS.contains(&ending) {
             files.push(path);
         }
-        if files.len() > MOST_FILES {
-            let what = format!("more than {MOST_FILES} files");
+        if files.len() > MAX_FILES {
+            let what = format!("more than {MAX_FILES} files");
             return Err(ExchangeError::new(folder, what, "pack them into one file"));
         }
     }

@@ -24,7 +24,7 @@ impl Rating {
     /// # Errors
     /// If there are not as many.
     pub(super) fn of_scores(scores: &Array, count: usize) -> Result<Self, String> {
-        // Before each takes eight bytes: a small file can hold very many of one.
+        // Checked before the conversion to eight bytes each: a small file can hold very many scores of one byte.
         one_each(scores.len(), count)?;
         Ok(Self::Score(scores.to_vec()))
     }

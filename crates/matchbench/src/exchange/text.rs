@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source};
-use crate::arrays::{Element, Kind, MOST_BYTES};
+use crate::arrays::{Element, Kind, MAX_BYTES};
 use crate::counted::counted;
 use crate::files::{LONGEST_LINE, LineError, open_file, read_lines};
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::MAX_MATCHES;
 
 /// The most numbers of a line that are counted.
-const MOST_NUMBERS: usize = 20;
+const MAX_NUMBERS: usize = 20;
 
 pub(super) const TEXT: Format = Format {
     id: "text",
@@ -55,14 +55,14 @@ impl Source for Text {
                 .at(format!("line {line}"))
         };
         let length = open_file(path).and_then(|file| Ok(file.metadata()?.len()));
-        if length.map_err(unreadable)? > MOST_BYTES {
+        if length.map_err(unreadable)? > MAX_BYTES {
             return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
         }
         let bytes = read_lines(path, LONGEST_LINE).map_err(|error| match error {
             LineError::Io(error) => unreadable(error),
             LineError::TooLong { line, what } => wrong((line, what)),
         })?;
-        parse(&String::from_utf8_lossy(&bytes), MOST_MATCHES).map_err(wrong)
+        parse(&String::from_utf8_lossy(&bytes), MAX_MATCHES).map_err(wrong)
     }
 }
 
@@ -75,8 +75,8 @@ fn parse(text: &str, most: usize) -> Result<RawMatches, (usize, String)> {
         let words = row
             .split([' ', '\t', ',', ';', '\r'])
             .filter(|word| !word.is_empty());
-        // A line may be all of the file: no more of it is read than tells that it is none.
-        let numbers = (words.take(MOST_NUMBERS + 1).map(|word| {
+        // A line may be all of the file. One number too many is enough to know that it is no match.
+        let numbers = (words.take(MAX_NUMBERS + 1).map(|word| {
             let number: Result<f64, _> = word.parse();
             number.map_err(|_| {
                 let word: String = word.chars().take(40).collect();
@@ -94,11 +94,8 @@ fn parse(text: &str, most: usize) -> Result<RawMatches, (usize, String)> {
                 b.push([x_b, y_b]);
                 scores.extend_from_slice(score);
             }
-            _ if numbers.len() > MOST_NUMBERS => {
-                return Err((
-                    line,
-                    format!("more than {MOST_NUMBERS} numbers, not 4 or 5"),
-                ));
+            _ if numbers.len() > MAX_NUMBERS => {
+                return Err((line, format!("more than {MAX_NUMBERS} numbers, not 4 or 5")));
             }
             _ => {
                 let count = counted(numbers.len(), "number");
@@ -145,7 +142,7 @@ mod tests {
     fn a_line_without_an_end_is_named_before_the_rest_is_read() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "1 2 3 4\n").unwrap();
-        file.as_file().set_len(MOST_BYTES).unwrap();
+        file.as_file().set_len(MAX_BYTES).unwrap();
         let files = vec![file.path().to_owned()];
         let error = Text { files }.read(0).err().unwrap().to_string();
         assert!(

@@ -10,7 +10,7 @@ use matchbench_vision::image::Size;
 
 use crate::counted::counted;
 use crate::files::open_file;
-use crate::matchers::{MOST_MATCHES, check_seconds};
+use crate::matchers::{MAX_MATCHES, check_seconds};
 
 /// Bytes of a match.
 const ROW: usize = 5 * size_of::<f32>();
@@ -71,7 +71,7 @@ impl Times {
             check_seconds(seconds)
                 .map_err(|wrong| format!("its `seconds` of {stage:?}: {wrong}"))?;
         }
-        // A record has one time for several of them.
+        // A record has their sum, which must be valid too.
         check_seconds(own.values().sum())
             .map_err(|wrong| format!("its `seconds` together: {wrong}"))?;
         let printable = |device: &String| {
@@ -111,9 +111,9 @@ pub(super) fn read_rows(
     [a, b]: [Size; 2],
     pixel_center: f32,
 ) -> Result<Vec<[f32; 5]>, String> {
-    if count > MOST_MATCHES {
+    if count > MAX_MATCHES {
         return Err(format!(
-            "it promises {count} matches; {MOST_MATCHES} are the most"
+            "it promises {count} matches; {MAX_MATCHES} are the most"
         ));
     }
     let file = match open_file(path) {
@@ -146,8 +146,8 @@ pub(super) fn read_rows(
         .collect()
 }
 
-/// All bytes of a file that has so many; `None` if it has more or fewer. The child may still be writing: of a file
-/// that grows no more is read than tells so.
+/// All bytes of a file that has so many; `None` if it has more or fewer. The child may still be writing:
+/// reading stops one byte after the expected length, which is enough to know that there is more.
 fn read_exactly(file: impl Read, expected: u64) -> io::Result<Option<Vec<u8>>> {
     let mut bytes = Vec::new();
     file.take(expected + 1).read_to_end(&mut bytes)?;
@@ -313,7 +313,7 @@ mod tests {
             (12, [3, 4]),
             (usize::MAX, [u32::MAX; 2]),
         ] {
-            let checked = check_features(count.min(MOST_MATCHES), Some(features));
+            let checked = check_features(count.min(MAX_MATCHES), Some(features));
             assert_eq!(checked, Ok(()), "{count} {features:?}");
         }
         assert_eq!(check_features(5, None), Ok(()));

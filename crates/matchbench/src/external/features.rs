@@ -22,7 +22,7 @@ use crate::arrays::{Array, ArrayError, Npz};
 use crate::memory::{Reserved, TooMuch, reserve};
 
 /// Most features of an image.
-const MOST_FEATURES: usize = 1_000_000;
+const MAX_FEATURES: usize = 1_000_000;
 /// Longest descriptor, in values or bytes.
 const LONGEST_DESCRIPTOR: usize = 4096;
 /// Arrays that are known.
@@ -52,9 +52,9 @@ pub(super) fn read_features(
     hamming: bool,
 ) -> Result<Features, String> {
     let wrong = |error: ArrayError| format!("its file of features: {}", error.what());
-    if count > MOST_FEATURES {
+    if count > MAX_FEATURES {
         return Err(format!(
-            "it promises {count} features; {MOST_FEATURES} are the most"
+            "it promises {count} features; {MAX_FEATURES} are the most"
         ));
     }
     // No array of so many features is larger, whatever the file says or becomes.

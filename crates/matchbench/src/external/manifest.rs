@@ -39,7 +39,7 @@ const LONGEST: u64 = 1 << 20;
 /// Longest time that can be waited for, in seconds: a day.
 const LONGEST_WAIT: f64 = 86_400.0;
 /// Most processes of one matcher.
-const MOST_WORKERS: usize = 64;
+const MAX_WORKERS: usize = 64;
 
 /// How a matcher from outside is started and what it is called.
 #[derive(Clone, Debug, PartialEq)]
@@ -216,9 +216,9 @@ impl Manifest {
         let timeout = source.seconds("timeout_s", &file.timeout_s)?;
         let start_timeout = source.seconds("start_timeout_s", &file.start_timeout_s)?;
         let workers = *file.workers.get_ref();
-        if !(1..=MOST_WORKERS).contains(&workers) {
+        if !(1..=MAX_WORKERS).contains(&workers) {
             let what = format!("`workers` is {workers}");
-            let remedy = format!("give a number from 1 to {MOST_WORKERS}");
+            let remedy = format!("give a number from 1 to {MAX_WORKERS}");
             return Err(source.error(Some(file.workers.span().start), what, remedy));
         }
         let kind = match (file.kind, file.matching) {

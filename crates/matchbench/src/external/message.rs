@@ -107,7 +107,7 @@ pub(super) enum Subject {
 }
 
 impl Answer {
-    /// What it answers for; `None` where it says that of nothing or of two things.
+    /// What it answers for; `None` if it names neither a pair nor an image, or both.
     pub(super) fn subject(&self) -> Option<Subject> {
         match self {
             Self::Matched { pair, .. }

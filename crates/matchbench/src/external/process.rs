@@ -202,7 +202,7 @@ impl Process {
         self.requests = None;
         self.wait_to_end(grace);
         group::kill(self.child.id());
-        // Before its number can become another's.
+        // Before it is reaped: afterwards the system may give its process id to another.
         groups().alive.remove(&self.child.id());
         self.reaped = true;
         let _ = self.child.kill();

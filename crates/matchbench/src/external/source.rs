@@ -104,7 +104,7 @@ impl PointSource for Pairs {
             features: features.unwrap_or_default(),
             putative: None,
             seconds: SourceSeconds {
-                // One number for both images; 0 says that both were known.
+                // The child gives one time for both images, recorded for a; 0 means that neither was extracted now.
                 extract: [own("extract").filter(|seconds| *seconds > 0.0), None],
                 matching: (!times.own.is_empty()).then_some(rest),
                 wall: Some(times.wall),

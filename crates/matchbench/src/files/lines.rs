@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const BLOCK: u64 = 1 << 20;
 
 /// Least number of lines that a thread parses at a time, so that it works more than it waits.
-const LEAST_LINES: usize = 64;
+const MIN_LINES: usize = 64;
 
 /// Why lines cannot be read.
 #[derive(Debug)]
@@ -135,7 +135,7 @@ impl LineBlock<'_> {
         parse: impl Fn(usize, &[u8]) -> T + Sync,
     ) -> impl Iterator<Item = (usize, T)> {
         let lines: Vec<(usize, &[u8])> = self.lines().collect();
-        let parsed: Vec<(usize, T)> = (lines.par_iter().with_min_len(LEAST_LINES))
+        let parsed: Vec<(usize, T)> = (lines.par_iter().with_min_len(MIN_LINES))
             .map(|&(number, line)| (number, parse(number, line)))
             .collect();
         parsed.into_iter()

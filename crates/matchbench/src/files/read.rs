@@ -9,7 +9,7 @@ use super::lines::{LineBlock, LineBlocks, LineError};
 
 /// Most bytes of a file that is read as a whole, 4 GiB. A longer file was not written by this program, and no
 /// memory is allocated for it.
-const MOST_BYTES: u64 = 4 << 30;
+const MAX_BYTES: u64 = 4 << 30;
 
 /// The longest line of a text that people and other tools write, in bytes. Those that are known have a few hundred.
 pub(crate) const LONGEST_LINE: usize = 1 << 20;
@@ -36,10 +36,10 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let length = file.metadata()?.len();
     let mut bytes = Vec::new();
     before(Call::Read, path)?;
-    if length > MOST_BYTES || bytes.try_reserve_exact(length as usize).is_err() {
+    if length > MAX_BYTES || bytes.try_reserve_exact(length as usize).is_err() {
         return Err(too_large(length));
     }
-    file.take(MOST_BYTES).read_to_end(&mut bytes)?;
+    file.take(MAX_BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -51,7 +51,7 @@ fn too_large(bytes: u64) -> io::Error {
     )
 }
 
-/// As [`read_file`], where no line may have more than `longest` bytes. Of a longer one no more is read than tells so.
+/// As [`read_file`], where no line may have more than `longest` bytes. Reading stops at the first byte that is too many.
 ///
 /// # Errors
 /// As [`read_file`]; also if a line is too long.
@@ -59,7 +59,7 @@ pub(crate) fn read_lines(path: &Path, longest: usize) -> Result<Vec<u8>, LineErr
     let file = open_file(path).map_err(LineError::Io)?;
     let length = file.metadata().map_err(LineError::Io)?.len();
     before(Call::Read, path).map_err(LineError::Io)?;
-    if length > MOST_BYTES {
+    if length > MAX_BYTES {
         return Err(LineError::Io(too_large(length)));
     }
     let mut bytes = Vec::new();
@@ -69,7 +69,7 @@ pub(crate) fn read_lines(path: &Path, longest: usize) -> Result<Vec<u8>, LineErr
         bytes.extend_from_slice(block.as_bytes());
         Ok(())
     };
-    let mut blocks = LineBlocks::new(file.take(MOST_BYTES), longest);
+    let mut blocks = LineBlocks::new(file.take(MAX_BYTES), longest);
     while let Some(block) = blocks.next_block()? {
         append(block)?;
     }
@@ -173,7 +173,7 @@ mod tests {
     #[test]
     fn a_file_that_claims_to_be_endless_is_refused() {
         let file = tempfile::NamedTempFile::new().expect("a temporary file");
-        (file.as_file().set_len(MOST_BYTES + 1)).expect("holes take no room");
+        (file.as_file().set_len(MAX_BYTES + 1)).expect("holes take no room");
         let error = read_file(file.path()).expect_err("too long");
         assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
         let error = read_lines(file.path(), LONGEST_LINE).expect_err("too long");
@@ -181,7 +181,7 @@ mod tests {
             matches!(error, LineError::Io(error) if error.kind() == io::ErrorKind::FileTooLarge)
         );
         // A line without an end is seen before the rest is read.
-        (file.as_file().set_len(MOST_BYTES)).expect("holes take no room");
+        (file.as_file().set_len(MAX_BYTES)).expect("holes take no room");
         let error = read_lines(file.path(), LONGEST_LINE).expect_err("too long");
         assert!(
             matches!(error, LineError::TooLong { line: 1, .. }),

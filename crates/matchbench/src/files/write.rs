@@ -188,9 +188,9 @@ pub(crate) fn sync_folder_of(path: &Path) {
 /// The path at the end of a chain of links, whether something exists there or not.
 fn followed(path: &Path) -> io::Result<PathBuf> {
     /// As many links as Linux follows.
-    const MOST_LINKS: usize = 40;
+    const MAX_LINKS: usize = 40;
     let mut path = path.to_path_buf();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         match fs::read_link(&path) {
             Ok(target) => path = path.parent().unwrap_or(Path::new("")).join(target),
             Err(_) => return Ok(path),

@@ -17,17 +17,18 @@
 
 use matchbench_vision::features::{Extractor, RootSift, Sift, SiftParams};
 use matchbench_vision::matching::{Adalam, AdalamParams, NearestNeighbours, Pipeline};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::rootsift::ROOTSIFT;
 use super::sift::SIFT;
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, parse_params_over, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params_over, to_json};
 
 pub(super) struct AdalamEntry;
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: SiftParams,
@@ -36,7 +37,7 @@ struct Params {
 }
 
 /// How the keypoints of SIFT are described.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum DescriptorName {
     /// The square roots of SIFT's descriptors (RootSIFT).
@@ -79,6 +80,10 @@ impl MatcherEntry for AdalamEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

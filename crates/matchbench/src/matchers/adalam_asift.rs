@@ -40,24 +40,25 @@
 //!
 //! Views on demand were added after a look at castle: views of all pairs cost 0.03 there against `adalam`,
 //! since its walls look alike from all sides. Of the scenes in the table only `facade` loses by views on
-//! demand. 150 is the smallest of these numbers that costs office, object and cabinet hardly anything; castle
-//! does not tell 0 from 200 apart. The images of the table are small. On `facade` at 2400 x 1600 `adalam` has
+//! demand. 150 is the smallest of these numbers that costs office, object and cabinet hardly anything; on castle
+//! all values from 0 to 200 do equally well. The images of the table are small. On `facade` at 2400 x 1600 `adalam` has
 //! 0.755, and views of all pairs 0.792, or 0.777 if the views are of 1,920,000 pixels as ASIFT's are, since
-//! places found in them are less exact.
+//! keypoints found in them are located less precisely.
 
 use matchbench_vision::features::{AsiftParams, ImageAndViews, RootSift, Sift, SiftParams};
 use matchbench_vision::matching::{
     Adalam, AdalamParams, Pipeline, PlacewiseNeighbours, ViewsOnDemand,
 };
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, parse_params_over, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params_over, to_json};
 
 pub(super) struct AdalamAsiftEntry;
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: ExtractorParams,
@@ -65,11 +66,12 @@ struct Params {
     selection: AdalamParams,
 }
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct SearchParams {
     /// If the images themselves give at least this many matches, views are not compared.
     enough: Option<u32>,
+    /// Features of views closer to each other than this, in pixels, are at the same place.
     same_place_px: f32,
 }
 
@@ -82,7 +84,7 @@ impl Default for SearchParams {
     }
 }
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct ExtractorParams {
     views: AsiftParams,
@@ -144,6 +146,10 @@ impl MatcherEntry for AdalamAsiftEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn modernized(&self, written: &Value) -> Value {

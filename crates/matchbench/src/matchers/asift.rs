@@ -7,16 +7,17 @@
 use matchbench_vision::ParamError;
 use matchbench_vision::features::{Asift, AsiftParams, Extractor, Sift, SiftParams};
 use matchbench_vision::matching::{Pipeline, PlacewiseNeighbours, RatioTest, Selector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, over, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, over, parameters, parse_params, to_json};
 
 pub(super) struct AsiftEntry;
 
 /// Features of simulated views, as all matchers that use them have them.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct AsiftExtraction {
     views: AsiftParams,
@@ -82,11 +83,13 @@ impl AsiftExtraction {
     }
 }
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: AsiftExtraction,
     search: PlacewiseNeighbours,
+    /// Largest ratio of the distances of the nearest neighbour and of the nearest at another place, itself excluded; in
+    /// `(0, 1]`.
     ratio: f32,
 }
 
@@ -116,6 +119,10 @@ impl MatcherEntry for AsiftEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

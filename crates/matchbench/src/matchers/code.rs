@@ -1,16 +1,17 @@
 //! `code`: ASIFT, all nearest neighbours, and of these the matches that coherence decides for.
 
 use matchbench_vision::matching::{Code, CodeParams, PlacewiseNeighbours};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::asift::AsiftExtraction;
 use super::{BuiltMatcher, MatcherEntry};
-use crate::config::{ConfigError, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params, to_json};
 
 pub(super) struct CodeEntry;
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: AsiftExtraction,
@@ -38,6 +39,10 @@ impl MatcherEntry for CodeEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

@@ -3,12 +3,13 @@
 use matchbench_vision::features::DetectThenDescribe;
 use matchbench_vision::features::freak::{Freak, FreakParams};
 use matchbench_vision::features::surf::{Surf, SurfParams};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
 use super::surf;
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Params {
     surf: SurfKeypoints,
@@ -16,11 +17,14 @@ pub(super) struct Params {
 }
 
 /// The parameters of SURF that its keypoints depend on; see [`SurfParams`].
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct SurfKeypoints {
+    /// Least determinant of the Hessian, for grey values of 0 to 255; at least 0.
     threshold: f32,
+    /// Number of octaves, 1 to 6.
     octaves: usize,
+    /// Layers of an octave in which keypoints are found, 1 to 8.
     layers: usize,
 }
 

@@ -3,12 +3,13 @@
 use matchbench_vision::features::DetectThenDescribe;
 use matchbench_vision::features::freak::{Freak, FreakParams};
 use matchbench_vision::features::sift::{Sift, SiftParams};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
 use super::sift;
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Params {
     sift: SiftParams,

@@ -2,15 +2,16 @@
 
 use matchbench_vision::features::{Sheared, ShearedParams, Surf, SurfParams};
 use matchbench_vision::matching::{Gaim, GaimParams, Pipeline};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, over, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, over, parameters, parse_params, to_json};
 
 pub(super) struct GaimEntry;
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct SimulatedSurf {
     views: ShearedParams,
@@ -38,7 +39,7 @@ fn surf_over_default<'de, D: Deserializer<'de>>(given: D) -> Result<SurfParams, 
     over(&default_surf(), given)
 }
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: SimulatedSurf,
@@ -61,6 +62,10 @@ impl MatcherEntry for GaimEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

@@ -7,17 +7,18 @@
 use matchbench_vision::features::{DescriptorKind, Extractor, Features, Orb, OrbParams};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Gms, GmsParams, NearestNeighbours, Pipeline};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, parse_params_over, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params_over, to_json};
 
 /// Number of pixels up to which an image has the small number of features.
 const SMALL: usize = 640 * 480;
 
 /// How many features are searched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum Budget {
     /// 10,000 in small images, 100,000 in others, as in the published results.
@@ -27,7 +28,7 @@ enum Budget {
     Small,
 }
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     budget: Budget,
@@ -134,6 +135,10 @@ impl MatcherEntry for GmsEntry {
 
     fn defaults(&self) -> Value {
         to_json(&self.params())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

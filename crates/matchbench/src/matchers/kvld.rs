@@ -8,19 +8,21 @@
 
 use matchbench_vision::features::{Sift, SiftParams};
 use matchbench_vision::matching::{Kvld, KvldParams, NearestNeighbours, Pipeline, RatioTest};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::sift::{self, SIFT};
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params, to_json};
 
 pub(super) struct KvldEntry;
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: SiftParams,
+    /// Largest ratio of the distances of the nearest and the second neighbour, itself excluded; in `(0, 1]`.
     ratio: f32,
     lines: KvldParams,
 }
@@ -51,6 +53,10 @@ impl MatcherEntry for KvldEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn build(&self, params: Option<&Value>) -> Result<BuiltMatcher, ConfigError> {

@@ -1,12 +1,13 @@
 //! `latch`: 256 bits on the keypoints of SIFT, as in the paper.
 
 use matchbench_vision::features::{DetectThenDescribe, Latch, LatchParams, Sift, SiftParams};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::local_features::LocalFeatures;
 use super::sift;
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct Params {
     sift: SiftParams,

@@ -23,12 +23,13 @@ use matchbench_vision::matching::{
     Fginn, KdForest, KdForestParams, MutualCheck, NearestNeighbours, Pipeline, RatioTest, Search,
     Selector, SymmetricRatioTest,
 };
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{BuiltMatcher, Extraction, MatcherEntry};
-use crate::config::{ConfigError, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params, to_json};
 
 /// A matcher that is an extractor with parameters `P`, followed by search and ratio test.
 pub(super) struct LocalFeatures<P> {
@@ -49,23 +50,27 @@ pub(super) struct LocalFeatures<P> {
     pub(super) extractor: fn(P) -> Result<Box<dyn Extractor>, ParamError>,
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(
     default,
     deny_unknown_fields,
     bound(deserialize = "P: DeserializeOwned + Default")
 )]
+#[schemars(bound = "P: JsonSchema + Serialize + Default")]
 struct Params<P> {
     extractor: P,
     selection: SelectionName,
+    /// Largest ratio of the distances of the nearest and the other neighbour, itself excluded; in `(0, 1]`. `mutual`
+    /// does not use it.
     ratio: f32,
+    /// Only for `fginn`: neighbours that lie nearer to the first, in pixels, are at the same place.
     radius_px: f32,
     search: SearchName,
     kdforest: KdForestParams,
 }
 
 /// Which nearest neighbours are kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum SelectionName {
     /// Those that are clearly nearer than the second neighbour.
@@ -80,7 +85,7 @@ enum SelectionName {
 }
 
 /// How the nearest neighbours are searched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum SearchName {
     /// Every descriptor of one image is compared with every descriptor of the other.
@@ -151,7 +156,7 @@ impl SearchName {
     }
 }
 
-impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P> {
+impl<P: Serialize + DeserializeOwned + Default + JsonSchema> MatcherEntry for LocalFeatures<P> {
     fn id(&self) -> &'static str {
         self.id
     }
@@ -166,6 +171,10 @@ impl<P: Serialize + DeserializeOwned + Default> MatcherEntry for LocalFeatures<P
 
     fn defaults(&self) -> Value {
         to_json(&Params::<P>::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params<P>>(&self.defaults())
     }
 
     fn modernized(&self, written: &Value) -> Value {

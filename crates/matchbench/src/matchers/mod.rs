@@ -38,11 +38,11 @@ use serde_json::Value;
 pub use common::{REFINE, SIZES, build};
 pub use from_files::MatchesFrom;
 pub use source::{
-    BuiltPointSource, ImageFiles, LONGEST_STAGE, MOST_MATCHES, PointSource, Source, SourceError,
+    BuiltPointSource, ImageFiles, LONGEST_STAGE, MAX_MATCHES, PointSource, Source, SourceError,
     SourceSeconds, SourcedMatches, check_seconds,
 };
 
-use crate::config::{self, ConfigError, UnknownName};
+use crate::config::{self, ConfigError, Parameter, UnknownName};
 
 /// All matchers, in the order of tables: that of the paper, with variants after their originals.
 pub const MATCHERS: &[&dyn MatcherEntry] = &[
@@ -101,6 +101,9 @@ pub trait MatcherEntry: Sync {
 
     /// Every parameter with its default.
     fn defaults(&self) -> Value;
+
+    /// Every parameter and what it means, by name.
+    fn parameters(&self) -> Vec<Parameter>;
 
     /// The matcher with the given parameters, a JSON object; the others keep their defaults.
     ///
@@ -298,6 +301,15 @@ mod tests {
             let again = entry.build(Some(&entry.defaults())).unwrap();
             assert_eq!(again.params, built.params, "{}", entry.id());
             assert_eq!(again.extraction, built.extraction, "{}", entry.id());
+        }
+    }
+
+    #[test]
+    fn every_parameter_is_explained_and_every_choice_can_be_made() {
+        for entry in MATCHERS {
+            config::check_explained(entry.id(), &entry.parameters(), |params| {
+                entry.build(Some(params)).map(|built| built.params)
+            });
         }
     }
 

@@ -3,16 +3,17 @@
 
 use matchbench_vision::matching::{PlacewiseNeighbours, RepMatch, RepMatchParams};
 use matchbench_vision::robust::Settings;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::asift::AsiftExtraction;
 use super::{BuiltMatcher, MatcherEntry};
-use crate::config::{ConfigError, parse_params, to_json};
+use crate::config::{ConfigError, Parameter, parameters, parse_params, to_json};
 
 pub(super) struct RepMatchEntry;
 
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct Params {
     extractor: AsiftExtraction,
@@ -40,6 +41,10 @@ impl MatcherEntry for RepMatchEntry {
 
     fn defaults(&self) -> Value {
         to_json(&Params::default())
+    }
+
+    fn parameters(&self) -> Vec<Parameter> {
+        parameters::<Params>(&self.defaults())
     }
 
     fn modernized(&self, written: &Value) -> Value {

@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::BuiltMatcher;
 
 /// Most matches of a pair that are accepted from a source from outside: a hundred megabytes.
-pub const MOST_MATCHES: usize = 5_000_000;
+pub const MAX_MATCHES: usize = 5_000_000;
 
 /// Longest time of a stage that is accepted, in seconds: 116 days. Sums and means of such times are finite.
 pub const LONGEST_STAGE: f64 = 1e7;

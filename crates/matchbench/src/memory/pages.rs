@@ -91,10 +91,10 @@ fn advise(block: *mut u8, bytes: usize) {
 }
 
 /// Most that is kept for a thread, in bytes.
-const MOST_KEPT: u64 = 256 << 20;
+const MAX_KEPT: u64 = 256 << 20;
 
 /// Less than this is not worth keeping, in bytes for a thread.
-const LEAST_KEPT: u64 = 16 << 20;
+const MIN_KEPT: u64 = 16 << 20;
 
 /// Keeps freed memory for the next image: up to 256 MiB for each of `threads`, but in all at most an eighth of
 /// what is [left](super::left). Nothing is kept if that is less than 16 MiB for a thread.
@@ -111,8 +111,8 @@ pub fn keep_freed(threads: usize) {
 /// How many bytes a thread may keep.
 fn kept(left: Option<Left>, threads: usize) -> Option<u64> {
     let all = left.map_or(u64::MAX, |left| left.bytes / 8);
-    let kept = MOST_KEPT.min(all / threads.max(1) as u64);
-    (kept >= LEAST_KEPT).then_some(kept)
+    let kept = MAX_KEPT.min(all / threads.max(1) as u64);
+    (kept >= MIN_KEPT).then_some(kept)
 }
 
 /// Sets both bounds of the C library: from which size on a block is returned as soon as it is freed, and how
@@ -120,12 +120,12 @@ fn kept(left: Option<Left>, threads: usize) -> Option<u64> {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn keep(bytes: u64) {
     /// The most that the C library takes, in bytes.
-    const LARGEST_BLOCK: libc::c_int = 32 << 20;
+    const MAX_BLOCK: libc::c_int = 32 << 20;
     let bytes = libc::c_int::try_from(bytes).unwrap_or(libc::c_int::MAX);
     // SAFETY: the C library sets its bounds under a lock. It refuses values that it cannot use, and then nothing
     // has changed.
     unsafe {
-        libc::mallopt(libc::M_MMAP_THRESHOLD, LARGEST_BLOCK);
+        libc::mallopt(libc::M_MMAP_THRESHOLD, MAX_BLOCK);
         libc::mallopt(libc::M_TRIM_THRESHOLD, bytes);
     }
 }
@@ -145,11 +145,11 @@ mod tests {
                 of: "a test",
             })
         };
-        assert_eq!(kept(None, 4), Some(MOST_KEPT), "nobody knows what is left");
-        assert_eq!(kept(left(1 << 16), 2), Some(MOST_KEPT));
+        assert_eq!(kept(None, 4), Some(MAX_KEPT), "nobody knows what is left");
+        assert_eq!(kept(left(1 << 16), 2), Some(MAX_KEPT));
         assert_eq!(kept(left(2048), 2), Some(128 << 20));
         assert_eq!(kept(left(2048), 0), Some(256 << 20));
-        assert_eq!(kept(left(256), 2), Some(LEAST_KEPT));
+        assert_eq!(kept(left(256), 2), Some(MIN_KEPT));
         assert_eq!(kept(left(255), 2), None);
     }
 }

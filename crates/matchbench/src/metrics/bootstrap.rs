@@ -13,7 +13,7 @@
 //!    interval is between the 2.5 and the 97.5 % quantile (linear between order statistics).
 //! 4. With few reference images such intervals are too narrow: of 3, 5, 10 and 20 images they hold the true
 //!    difference of two methods in some 74, 83, 90 and 93 of 100 cases (normal differences). Below
-//!    [`LEAST_IMAGES`] there is none. Whether a difference is certain is another question
+//!    [`MIN_IMAGES`] there is none. Whether a difference is certain is another question
 //!    (`significance.rs`).
 //! 5. The difference of two matchers on the same pairs is a score too, whose term is the difference of
 //!    theirs. Its interval is much narrower than the two separate intervals suggest, because hard images
@@ -22,7 +22,7 @@
 //! | parameter | field | default | source |
 //! | --- | --- | --- | --- |
 //! | resamples | `resamples` | 1000 | Efron and Tibshirani, ch. 13.3 |
-//! | confidence | `level` | 0.95 | custom |
+//! | confidence | `level` | 0.95 | convention |
 //! | seed | `seed` | 0 | ours; the same for every score, so the same images are drawn |
 
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ use serde::Serialize;
 
 /// Reference images below which there is no interval, and no difference is certain. A difference that has the
 /// same sign on each of five images has it by chance in 1 of 16 cases, and no resample of these has another.
-pub const LEAST_IMAGES: usize = 6;
+pub const MIN_IMAGES: usize = 6;
 
 /// What one pair adds to a score.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,12 +78,12 @@ impl Default for Bootstrap {
 impl Bootstrap {
     /// The interval of `sum of numerators / sum of denominators`.
     ///
-    /// `None` with fewer than [`LEAST_IMAGES`] reference images, and where
+    /// `None` with fewer than [`MIN_IMAGES`] reference images, and where
     /// fewer than half of the resamples have a score at all (AP of a matcher that is hardly ever
     /// right).
     pub fn interval(&self, terms: impl IntoIterator<Item = Term>) -> Option<Interval> {
         let clusters = sums_by_cluster(terms);
-        if clusters.len() < LEAST_IMAGES || self.resamples == 0 {
+        if clusters.len() < MIN_IMAGES || self.resamples == 0 {
             return None;
         }
         let mut rng = self.seed.child("bootstrap").rng();
@@ -112,7 +112,7 @@ impl Bootstrap {
         images: usize,
         score: impl Fn(&[u32]) -> f64,
     ) -> Option<Interval> {
-        if images < LEAST_IMAGES || self.resamples == 0 {
+        if images < MIN_IMAGES || self.resamples == 0 {
             return None;
         }
         let mut rng = self.seed.child("bootstrap").rng();

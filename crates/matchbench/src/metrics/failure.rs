@@ -1,6 +1,6 @@
 //! Why a pair has no estimate.
 
-use matchbench_vision::robust::NoPose;
+use matchbench_vision::robust::NoModel;
 
 /// Why there is no estimate to compare. Every such pair stays in the denominator of every ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,11 +17,11 @@ pub enum Failure {
     Missing,
 }
 
-impl From<&NoPose> for Failure {
-    fn from(reason: &NoPose) -> Self {
+impl From<&NoModel> for Failure {
+    fn from(reason: &NoModel) -> Self {
         match reason {
-            NoPose::TooFewMatches { .. } => Self::TooFewMatches,
-            NoPose::NoSupport { .. } => Self::NoSupport,
+            NoModel::TooFewMatches { .. } => Self::TooFewMatches,
+            NoModel::NoSupport { .. } => Self::NoSupport,
         }
     }
 }

@@ -13,7 +13,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::bootstrap::LEAST_IMAGES;
+use super::bootstrap::MIN_IMAGES;
 use super::significance::{ALPHA, p_value};
 use super::success::gain;
 use super::{Angle, Model, PairResult, ResultSet};
@@ -107,7 +107,7 @@ impl Rivals {
             let next = images.len();
             images.entry(*a).or_insert(next);
         }
-        if members.len() < 2 || images.len() < LEAST_IMAGES {
+        if members.len() < 2 || images.len() < MIN_IMAGES {
             return None;
         }
         let mut sizes = vec![0.0; images.len()];

@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use matchbench_vision::robust::RIGHT_POSE;
 
+use super::bootstrap::quantile;
 use super::{Angle, DatasetGeometry, Failure, Model, PairResult, ResultSet};
 use crate::records::Counts;
 
@@ -56,7 +57,7 @@ impl Hardship {
         }
     }
 
-    /// By what it is told, in a sentence without an end.
+    /// The criterion, as a phrase without a full stop.
     pub fn told_by(self) -> String {
         match self {
             Self::WideAngle => format!("optical axes at least {WIDE_ANGLE}° apart"),
@@ -78,8 +79,9 @@ pub struct HardPairs {
     pub hardship: Hardship,
     /// Its pairs.
     pub pairs: BTreeSet<(u32, u32)>,
-    /// The one that most methods fail on; `None` if none fails on any.
-    pub telling: Option<(u32, u32)>,
+    /// An example: the one that most methods fail on, of the pairs that are of this kind alone if there are any; `None`
+    /// if no method fails on any.
+    pub example: Option<(u32, u32)>,
 }
 
 impl HardPairs {
@@ -142,14 +144,14 @@ pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Ve
     let of_kind = |hardship: Hardship| {
         let its = kinds.iter().filter(|(_, kinds)| kinds.contains(&hardship));
         // One of this kind alone, then one that most methods fail on, then the first.
-        let telling = its.clone().filter(|(pair, _)| failed[pair] > 0);
-        let telling = telling.max_by_key(|(pair, kinds)| {
+        let example = its.clone().filter(|(pair, _)| failed[pair] > 0);
+        let example = example.max_by_key(|(pair, kinds)| {
             (kinds.len() == 1, failed[pair], std::cmp::Reverse(**pair))
         });
         HardPairs {
             hardship,
             pairs: its.map(|(pair, _)| *pair).collect(),
-            telling: telling.map(|(pair, _)| *pair),
+            example: example.map(|(pair, _)| *pair),
         }
     };
     let all = Hardship::ALL.map(of_kind).into_iter();
@@ -206,7 +208,7 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+    (!values.is_empty()).then(|| quantile(&values, 0.5))
 }
 
 #[cfg(test)]
@@ -246,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn each_kind_is_told_by_what_is_known_and_has_a_telling_pair() {
+    fn each_kind_is_told_by_what_is_known_and_has_an_example() {
         let results = set(&[
             (true, 900, 50),
             (true, 900, 50),
@@ -270,7 +272,7 @@ mod tests {
         let found = hard_pairs(&[&results], Some(&geometry));
         let kinds: Vec<_> = found
             .iter()
-            .map(|hard| (hard.hardship, hard.pairs.len(), hard.telling))
+            .map(|hard| (hard.hardship, hard.pairs.len(), hard.example))
             .collect();
         assert_eq!(
             kinds,
@@ -294,7 +296,7 @@ mod tests {
         }
         let found = hard_pairs(&[&results], None);
         let kinds: Vec<_> = (found.iter())
-            .map(|hard| (hard.hardship, hard.telling))
+            .map(|hard| (hard.hardship, hard.example))
             .collect();
         assert_eq!(kinds, [(Hardship::LittleTexture, Some((2, 3)))]);
     }

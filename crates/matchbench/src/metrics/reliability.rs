@@ -14,9 +14,9 @@ use super::{Angle, PairResult};
 const RANGES: usize = 10;
 /// The least number of poses whose share of right ones is drawn as a mark: of 10 it has a standard deviation of up to
 /// 0.16.
-const LEAST_IN_RANGE: usize = 10;
+const MIN_IN_RANGE: usize = 10;
 /// The least number of poses of a method of which a curve is drawn: three marks.
-pub const LEAST_FOR_CURVE: usize = 3 * LEAST_IN_RANGE;
+pub const MIN_FOR_CURVE: usize = 3 * MIN_IN_RANGE;
 
 /// Stated probabilities beside what became of the poses. Pairs without a pose state none and do not count.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +93,7 @@ impl Reliability {
 
     /// Whether there are poses enough for a curve.
     pub fn has_curve(&self) -> bool {
-        self.poses >= LEAST_FOR_CURVE
+        self.poses >= MIN_FOR_CURVE
     }
 }
 
@@ -108,9 +108,9 @@ impl ReliabilityRange {
     }
 }
 
-/// Neighbours put together until all have [`LEAST_IN_RANGE`], as far as there are as many.
+/// Neighbours put together until all have [`MIN_IN_RANGE`], as far as there are as many.
 fn merged(ranges: Vec<Vec<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
-    let is_small = |range: &Vec<_>| range.len() < LEAST_IN_RANGE;
+    let is_small = |range: &Vec<_>| range.len() < MIN_IN_RANGE;
     let mut merged: Vec<Vec<(f64, f64)>> = Vec::new();
     for range in ranges {
         match merged.last_mut() {

@@ -8,9 +8,9 @@
 //!    degrees of freedom ("The Probable Error of a Mean", Biometrika 6(1), 1908). With few images it asks for
 //!    more than the interval between quantiles of a bootstrap, which is too narrow then: of two equal methods
 //!    seen on 6, 10 and 20 images, such intervals leave out zero in some 14, 10 and 7 of 100 cases, not in 5.
-//! 4. With fewer than [`LEAST_IMAGES`] images nothing is said; there are no intervals either.
+//! 4. With fewer than [`MIN_IMAGES`] images nothing is said; there are no intervals either.
 
-use super::bootstrap::{LEAST_IMAGES, sums_by_cluster};
+use super::bootstrap::{MIN_IMAGES, sums_by_cluster};
 use super::ranks::ROUNDING;
 use super::{Interval, Term};
 
@@ -60,7 +60,7 @@ impl Difference {
         Self {
             value: Some(value),
             interval,
-            images: 4 * LEAST_IMAGES,
+            images: 4 * MIN_IMAGES,
             is_certain: interval.is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0),
         }
     }
@@ -72,7 +72,7 @@ impl Difference {
 
     /// Whether there are pairs, but of too few images to be certain of anything.
     pub fn has_few_images(&self) -> bool {
-        self.value.is_some() && self.images < LEAST_IMAGES
+        self.value.is_some() && self.images < MIN_IMAGES
     }
 }
 
@@ -87,10 +87,10 @@ fn total(sums: &[(f64, f64)]) -> (f64, f64) {
 }
 
 /// The chance of a ratio so far from 0 where the true one is 0, by the tops and bottoms of each reference image;
-/// `None` with fewer than [`LEAST_IMAGES`] of them.
+/// `None` with fewer than [`MIN_IMAGES`] of them.
 pub(super) fn p_value(sums: &[(f64, f64)]) -> Option<f64> {
     let n = sums.len();
-    if n < LEAST_IMAGES {
+    if n < MIN_IMAGES {
         return None;
     }
     let ratio = ratio(sums)?;
@@ -203,10 +203,7 @@ mod tests {
                 })
                 .count();
             assert!(certain <= at_most, "{images}: {certain}");
-            assert!(
-                images < LEAST_IMAGES || certain >= 25,
-                "{images}: {certain}"
-            );
+            assert!(images < MIN_IMAGES || certain >= 25, "{images}: {certain}");
         }
     }
 }

@@ -10,6 +10,7 @@ use std::ops::RangeInclusive;
 
 use serde::{Serialize, Serializer};
 
+use super::scores::HEADLINE_PX;
 use super::{Angle, Model, PairResult};
 
 /// The thresholds of the paper, in degrees.
@@ -88,15 +89,17 @@ impl Serialize for SuccessCurve {
 
 /// What a pair adds to the mean that is tested where methods are compared: the share of the paper's thresholds that
 /// its pose error is below, or how far its corner error is below 3 pixels, as a share of these. The mean of the
-/// former is the paper's AUC; that of the latter is [`corner_auc`] without the trapezoids, so at most half a pair
-/// from it.
+/// former is the paper's AUC; that of the latter is [`corner_auc`] without the trapezoids, so it differs from that by at
+/// most 1 / (2 n) for n pairs.
 ///
 /// [`corner_auc`]: super::corner_auc
 pub(super) fn gain(pair: &PairResult, angle: Angle) -> f64 {
     match pair.model {
         Model::Pose => share_of_thresholds(pair.error(angle)),
         Model::Homography if angle == Angle::Pose => {
-            let below = pair.corner_error().map_or(0.0, |error| 1.0 - error / 3.0);
+            let below = pair
+                .corner_error()
+                .map_or(0.0, |error| 1.0 - error / HEADLINE_PX);
             below.max(0.0)
         }
         Model::Homography => 0.0,

@@ -175,7 +175,7 @@ fn is_undirected(pair: &PairResult) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::pair_result::tests::solved;
-    use super::super::{Failure, LEAST_IMAGES};
+    use super::super::{Failure, MIN_IMAGES};
     use super::*;
 
     fn results(pairs: Vec<PairResult>) -> ResultSet {
@@ -244,8 +244,8 @@ mod tests {
             Summary::new(&results(pairs.collect()), &Bootstrap::default()).auc()
         };
         assert_eq!((of(1).value, of(1).interval), (Some(1.0), None));
-        assert_eq!(of(LEAST_IMAGES as u32 - 1).interval, None);
-        let many = of(LEAST_IMAGES as u32);
+        assert_eq!(of(MIN_IMAGES as u32 - 1).interval, None);
+        let many = of(MIN_IMAGES as u32);
         let interval = many.interval.expect("enough images");
         assert!((interval.low..interval.high).contains(&many.value.expect("there are pairs")));
     }

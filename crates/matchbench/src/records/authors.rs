@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use matchbench_vision::geometry::RelativePose;
-use matchbench_vision::robust::NoPose;
+use matchbench_vision::robust::NoModel;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::{Outcome, RunRecord, Task};
@@ -86,7 +86,7 @@ impl Row {
                 Outcome::judged(&b_from_a, truth, self.inliers, self.inliers, 0)
             }
             _ => Outcome::NoPose {
-                reason: NoPose::NoSupport {
+                reason: NoModel::NoSupport {
                     found: self.inliers as usize,
                     needed: min_support,
                 },
@@ -334,7 +334,7 @@ mod tests {
         assert!(matches!(
             rows[1].outcome(&truth(), MIN_SUPPORT),
             Outcome::NoPose {
-                reason: NoPose::NoSupport {
+                reason: NoModel::NoSupport {
                     found: 0,
                     needed: 10
                 }

@@ -33,7 +33,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Counts, StoreError};
 use crate::files::{Appender, open_file};
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::MAX_MATCHES;
 
 /// First bytes of every file.
 pub(super) const MAGIC: [u8; 8] = *b"mbmatch1";
@@ -180,7 +180,7 @@ impl MatchesFile {
             let [a, b, repetition, .., count] = numbers(&header);
             // No entry that was torn, for nobody writes so many.
             let matches = matches_of(count).0;
-            if matches > MOST_MATCHES {
+            if matches > MAX_MATCHES {
                 return Err(self.damaged(&format!("an entry says that it has {matches} matches")));
             }
             let bytes = entry_length(count) as u64;

@@ -2,7 +2,7 @@
 
 use matchbench_vision::geometry::{RelativePose, corner_error};
 use matchbench_vision::image::Size;
-use matchbench_vision::robust::{Confidence, HomographyEstimate, NoPose};
+use matchbench_vision::robust::{Confidence, HomographyEstimate, NoModel};
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub enum Outcome {
     /// The matches determine no pose; the pair counts as failed.
     NoPose {
         /// Why.
-        reason: NoPose,
+        reason: NoModel,
     },
     /// A homography was estimated.
     Homography {
@@ -72,7 +72,7 @@ pub enum Outcome {
     /// The matches determine no homography; the pair counts as failed.
     NoHomography {
         /// Why.
-        reason: NoPose,
+        reason: NoModel,
     },
     /// A stage broke (an image that cannot be read, an error of a matcher); the pair counts as
     /// failed and the run ends with exit code 2.

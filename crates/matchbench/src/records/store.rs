@@ -310,7 +310,7 @@ fn sorted_entries(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::robust::NoPose;
+    use matchbench_vision::robust::NoModel;
 
     use super::super::{Counts, Outcome, StageTimes, Task};
     use super::*;
@@ -330,7 +330,7 @@ mod tests {
             repeated: None,
             by_depth: None,
             outcome: Outcome::NoPose {
-                reason: NoPose::TooFewMatches {
+                reason: NoModel::TooFewMatches {
                     found: 3,
                     needed: 20,
                 },

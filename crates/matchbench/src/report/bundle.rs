@@ -1,6 +1,6 @@
 //! The report as one file that can be mailed: the page, with its tables inside as files that can be saved.
 //!
-//! The file stays below [`MOST_BUNDLED`]. If it would be larger, pictures are left out first, then files, then
+//! The file stays below [`MAX_BUNDLED`]. If it would be larger, pictures are left out first, then files, then
 //! pairs from the list of pairs. Scores and figures are always included.
 
 use std::io;
@@ -15,7 +15,7 @@ use super::pair_table::columns;
 use super::{Format, booktabs, citations, method, pairs_csv, render};
 
 /// Most bytes of the file.
-pub const MOST_BUNDLED: usize = 5_000_000;
+pub const MAX_BUNDLED: usize = 5_000_000;
 
 /// Writes the file and returns its path.
 ///
@@ -31,11 +31,11 @@ pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
 /// # Errors
 /// If scores and figures alone are too large.
 pub fn bundled(content: &Content) -> io::Result<String> {
-    bundle(content, MOST_BUNDLED).ok_or_else(|| {
+    bundle(content, MAX_BUNDLED).ok_or_else(|| {
         io::Error::new(
             io::ErrorKind::FileTooLarge,
             format!(
-                "the figures alone are larger than {MOST_BUNDLED} bytes; report fewer datasets, or \
+                "the figures alone are larger than {MAX_BUNDLED} bytes; report fewer datasets, or \
                  write a folder with --out"
             ),
         )
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn one_file_holds_everything_and_refers_to_nothing_beside_it() {
         let content = content(&[("room", "sift", 6), ("room", "orb", 2)]);
-        let page = bundle(&content, MOST_BUNDLED).expect("it is small");
+        let page = bundle(&content, MAX_BUNDLED).expect("it is small");
         for name in ["scores.csv", "cite.bib", "pairs.csv", "auc.tex"] {
             assert!(page.contains(&format!("download=\"{name}\"")), "{name}");
         }
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn what_is_too_large_loses_pairs_before_scores() {
         let content = content(&[("room", "sift", 6), ("room", "orb", 2)]);
-        let whole = bundle(&content, MOST_BUNDLED).expect("it is small");
+        let whole = bundle(&content, MAX_BUNDLED).expect("it is small");
         let less = bundle(&content, whole.len() - 1).expect("without its pairs it fits");
         assert!(less.len() < whole.len() && !less.contains("download=\"pairs.csv\""));
         assert!(less.contains("This list needs JavaScript.</p>"));

@@ -53,7 +53,7 @@ use std::str::FromStr;
 
 use crate::metrics::Summary;
 
-pub use bundle::{MOST_BUNDLED, bundled, write_bundle};
+pub use bundle::{MAX_BUNDLED, bundled, write_bundle};
 pub use command_line::shell_word;
 pub use content::{Content, RunFacts};
 pub use dataset_facts::DatasetFacts;

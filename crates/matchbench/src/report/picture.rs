@@ -7,11 +7,11 @@ use super::raster::png;
 use super::svg::{Target, pair};
 
 /// Most matches that are drawn; more would hide each other.
-const MOST_MATCHES: usize = 250;
+const MAX_MATCHES: usize = 250;
 
 /// The pair as SVG with both images embedded, below a caption.
 pub fn picture_svg(view: &PairView, caption: &str) -> String {
-    pair(Target::File, view, caption, MOST_MATCHES)
+    pair(Target::File, view, caption, MAX_MATCHES)
 }
 
 /// The same as PNG, 2000 pixels wide.

@@ -17,8 +17,8 @@ use crate::records::{Outcome, Plan, RunFolder, SelectedMatches, StoreError};
 /// Longest side of an embedded image in pixels, and its JPEG quality.
 const EMBEDDED: (u32, u8) = (480, 62);
 /// Most matches of a pair, and most keypoints of an image, that are drawn.
-const MOST_MATCHES: usize = 120;
-const MOST_KEYPOINTS: usize = 250;
+const MAX_MATCHES: usize = 120;
+const MAX_KEYPOINTS: usize = 250;
 
 /// Views of at most `count` pairs of each dataset with every matcher and estimator, pair by pair. The first few
 /// pairs are spread from the easiest to the hardest, and examples of each kind of hard pairs are among them. A
@@ -38,16 +38,16 @@ pub(super) fn sample(
     for (name, sequence) in sequences {
         let sets: Vec<&ResultSet> = results.iter().filter(|set| set.dataset == *name).collect();
         let hard = hard_pairs(&sets, geometry.get(name));
-        let telling: BTreeSet<(u32, u32)> = hard.iter().filter_map(|hard| hard.telling).collect();
-        let telling = sequence
+        let examples: BTreeSet<(u32, u32)> = hard.iter().filter_map(|hard| hard.example).collect();
+        let examples = sequence
             .pairs
             .iter()
-            .filter(|pair| telling.contains(&(pair.a, pair.b)));
-        let telling: Vec<&Pair> = telling.take(count).collect();
+            .filter(|pair| examples.contains(&(pair.a, pair.b)));
+        let examples: Vec<&Pair> = examples.take(count).collect();
         let mut pairs = chosen(&sets, sequence, count);
-        pairs.retain(|pair| !telling.contains(pair));
-        pairs.truncate(count - telling.len());
-        pairs.extend(telling);
+        pairs.retain(|pair| !examples.contains(pair));
+        pairs.truncate(count - examples.len());
+        pairs.extend(examples);
         let images = thumbnails(&[run], sequence, &pairs);
         notes.extend(images.note);
         let images = images.small;
@@ -109,7 +109,7 @@ pub(super) fn views_of(
         let Some(mut view) = view(sequence, pair, &selected, outcome, images) else {
             continue;
         };
-        view.matches = evenly(&view.matches, MOST_MATCHES);
+        view.matches = evenly(&view.matches, MAX_MATCHES);
         view.matcher.clone_from(&set.matcher);
         view.estimator.clone_from(&set.estimator);
         view.keypoints = [pair.a, pair.b].map(|frame| keypoints.of(&set.matcher, sequence, frame));
@@ -181,7 +181,7 @@ impl<'a> Keypoints<'a> {
             let features = self
                 .cache
                 .find(&frame.image, frame.turn.into(), extraction)?;
-            let keypoints = evenly(&features.keypoints, MOST_KEYPOINTS);
+            let keypoints = evenly(&features.keypoints, MAX_KEYPOINTS);
             Some(
                 keypoints
                     .iter()

@@ -13,7 +13,7 @@ use resvg::usvg::{Options, Tree, fontdb};
 const TYPEFACE: &str = "DejaVu Sans";
 
 /// Most pixels of a file: a figure of hundreds of methods has no other bound.
-const MOST_PIXELS: f32 = 50e6;
+const MAX_PIXELS: f32 = 50e6;
 
 /// The drawing as a PNG file, `scale` pixels for one unit, or fewer where it would have more than 50 million pixels.
 ///
@@ -37,7 +37,7 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
 /// The scale of a drawing with these sides, lowered if necessary, and its sides in pixels.
 fn bounded(sides: [u32; 2], scale: f32) -> (f32, [u32; 2]) {
     let [width, height] = sides.map(|side| side as f32);
-    let most = (MOST_PIXELS / (width * height)).sqrt();
+    let most = (MAX_PIXELS / (width * height)).sqrt();
     if scale <= most {
         (
             scale,

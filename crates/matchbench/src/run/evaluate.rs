@@ -104,10 +104,10 @@ fn matched(
     let b = extract(image_b, &mut times.extract_b)?;
     let mut counts = Counts::default();
     let putative = search(matcher, &a, &b, &mut counts, times).map_err(EvaluationError)?;
-    let by_pixels = matcher.uses_pixels();
+    let uses_pixels = matcher.uses_pixels();
     let [view_a, view_b] = [(&a, 0), (&b, 1)].map(|(features, side)| View {
         features,
-        image: by_pixels.then_some(pair.images[side]),
+        image: uses_pixels.then_some(pair.images[side]),
         camera: Some(pair.cameras[side]),
     });
     let matches = select(matcher, view_a, view_b, putative, seed, &mut counts, times);

@@ -9,7 +9,7 @@ use std::time::Instant;
 use crate::records::Outcome;
 
 /// Most letters of a reason that are recorded: what breaks may say anything, and longer lines of records are refused.
-const MOST_LETTERS: usize = 4096;
+const MAX_LETTERS: usize = 4096;
 
 /// Why there is no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +35,7 @@ impl Broken {
             mut reason,
             may_pass,
         } = self;
-        if let Some((end, _)) = reason.char_indices().nth(MOST_LETTERS) {
+        if let Some((end, _)) = reason.char_indices().nth(MAX_LETTERS) {
             reason.truncate(end);
             reason.push_str(" ...");
         }
@@ -91,9 +91,9 @@ mod tests {
             Outcome::Failed { reason, .. } => reason,
             other => panic!("{other:?}"),
         };
-        assert_eq!(told("ä".repeat(MOST_LETTERS)), "ä".repeat(MOST_LETTERS));
+        assert_eq!(told("ä".repeat(MAX_LETTERS)), "ä".repeat(MAX_LETTERS));
         let long = told("ä".repeat(9 << 20));
-        assert_eq!(long, "ä".repeat(MOST_LETTERS) + " ...");
+        assert_eq!(long, "ä".repeat(MAX_LETTERS) + " ...");
     }
 
     #[test]

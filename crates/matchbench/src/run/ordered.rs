@@ -26,7 +26,7 @@ pub(super) fn each_in_order<I: Sync, T: Send>(
     work: impl Fn(&I) -> Result<T, RunError> + Sync,
     sink: impl FnMut(T) -> Result<(), RunError> + Send,
 ) -> Result<(), RunError> {
-    let exit = Mutex::new(Exit {
+    let in_order = Mutex::new(InOrder {
         items: items.len(),
         ahead: AHEAD * rayon::current_num_threads(),
         taken: 0,
@@ -36,31 +36,34 @@ pub(super) fn each_in_order<I: Sync, T: Send>(
         sink,
         ended: Ok(()),
     });
-    // A thread that waited here for another could be the one that the other waits for: inside of its work a thread
-    // takes up what rayon has for it, this too. So no thread waits. When too many results do, all threads finish
-    // what they have and come back for the next round.
-    while lock(&exit).next_round(cancel) {
+    // No closure may block here. While a thread waits inside of `work`, rayon may run another of these closures on it,
+    // which would then wait for what only this thread can finish. So when too many results wait for an earlier one, all
+    // closures return, and the next round begins.
+    while lock(&in_order).next_round(cancel) {
         rayon::broadcast(|_| {
-            let mut held = lock(&exit);
+            let mut held = lock(&in_order);
             while let Some(index) = held.take(cancel) {
                 drop(held);
                 let result = work(&items[index]);
-                held = lock(&exit);
+                held = lock(&in_order);
                 held.arrive(index, result);
             }
         });
     }
-    exit.into_inner()
-        .expect("no thread panicked at the exit")
+    in_order
+        .into_inner()
+        .expect("no thread panicked while it held the lock")
         .ended
 }
 
-fn lock<T, S>(exit: &Mutex<Exit<T, S>>) -> MutexGuard<'_, Exit<T, S>> {
-    exit.lock().expect("no thread panicked at the exit")
+fn lock<T, S>(in_order: &Mutex<InOrder<T, S>>) -> MutexGuard<'_, InOrder<T, S>> {
+    in_order
+        .lock()
+        .expect("no thread panicked while it held the lock")
 }
 
 /// Where items are taken up, and results wait for those before them.
-struct Exit<T, S> {
+struct InOrder<T, S> {
     items: usize,
     /// Most items that may be taken up beyond `next`.
     ahead: usize,
@@ -73,7 +76,7 @@ struct Exit<T, S> {
     ended: Result<(), RunError>,
 }
 
-impl<T, S: FnMut(T) -> Result<(), RunError>> Exit<T, S> {
+impl<T, S: FnMut(T) -> Result<(), RunError>> InOrder<T, S> {
     /// Begins a round, when all that was taken up has arrived; says whether there is anything left for it.
     fn next_round(&mut self, cancel: &Cancel) -> bool {
         self.is_full = false;

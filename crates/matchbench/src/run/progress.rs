@@ -12,7 +12,7 @@ use crate::records::{
 };
 
 /// Most repetitions of a pair that are done together, with one search for all of them.
-const MOST_REPETITIONS: u32 = 128;
+const MAX_REPETITIONS: u32 = 128;
 
 /// One matcher on one dataset, and how far it has come.
 pub(super) struct MatcherProgress<'a> {
@@ -225,7 +225,7 @@ impl<'a> MatcherProgress<'a> {
 
     /// The tasks of `pairs` that are due, as `is_due` says of an estimator and the index of a task among its
     /// records; `first` is the index of the first of these pairs. Nothing is listed before it is asked for,
-    /// and at most [`MOST_REPETITIONS`] of a pair come at once: their number may be anything.
+    /// and at most [`MAX_REPETITIONS`] of a pair come at once: their number may be anything.
     fn pairs_where(
         &self,
         pairs: &[&'a Pair],
@@ -234,12 +234,12 @@ impl<'a> MatcherProgress<'a> {
     ) -> impl Iterator<Item = PairTasks<'a>> {
         let tasks = (pairs.iter().copied().zip(first..)).flat_map(move |(pair, index)| {
             (0..self.repetitions)
-                .step_by(MOST_REPETITIONS as usize)
+                .step_by(MAX_REPETITIONS as usize)
                 .map(move |repetition| (pair, index, repetition))
         });
         tasks.filter_map(move |(pair, index, from)| {
             let first_task = index * self.repetitions as usize;
-            let to = self.repetitions.min(from.saturating_add(MOST_REPETITIONS));
+            let to = self.repetitions.min(from.saturating_add(MAX_REPETITIONS));
             let mut due = Vec::new();
             for repetition in from..to {
                 let task = first_task + repetition as usize;

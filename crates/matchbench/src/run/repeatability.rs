@@ -18,7 +18,7 @@ use super::matching::count;
 use crate::records::Repeated;
 
 /// The largest distance that is counted, in pixels of image b; also the width of a cell.
-const MOST_PX: f64 = 10.0;
+const MAX_PX: f64 = 10.0;
 
 /// Which keypoints of `a` the homography `b_from_a` finds again among those of `b`; `None` where it has no inverse.
 pub(super) fn repeated(b_from_a: &Matrix3<f64>, a: &Features, b: &Features) -> Option<Repeated> {
@@ -72,7 +72,7 @@ pub(super) fn is_inside(place: &Point2<f64>, size: Size) -> bool {
     inside(place.x, size.width) && inside(place.y, size.height)
 }
 
-/// Places by cells of [`MOST_PX`].
+/// Places by cells of [`MAX_PX`].
 struct Grid<'a> {
     places: &'a [Point2<f64>],
     columns: u64,
@@ -84,7 +84,7 @@ impl<'a> Grid<'a> {
     /// The cells of an image of `size`, on which all places lie.
     fn new(places: &'a [Point2<f64>], size: Size) -> Self {
         // One more at the end of each row, so that there is a cell after the last.
-        let columns = (size.width as f64 / MOST_PX) as u64 + 2;
+        let columns = (size.width as f64 / MAX_PX) as u64 + 2;
         let mut cells: Vec<(u64, u32)> = (places.iter().zip(0..))
             .map(|(place, index)| {
                 let (column, row) = cell(place);
@@ -99,7 +99,7 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// The nearest place within [`MOST_PX`] and its distance; of equally near ones the first.
+    /// The nearest place within [`MAX_PX`] and its distance; of equally near ones the first.
     fn nearest(&self, to: &Point2<f64>) -> Option<(usize, f64)> {
         let (column, row) = cell(to);
         let mut nearest: Option<(usize, f64)> = None;
@@ -114,7 +114,7 @@ impl<'a> Grid<'a> {
                 let nearer = nearest.is_none_or(|(first, least)| {
                     distance < least || (distance == least && index < first)
                 });
-                if distance <= MOST_PX && nearer {
+                if distance <= MAX_PX && nearer {
                     nearest = Some((index, distance));
                 }
             }
@@ -125,7 +125,7 @@ impl<'a> Grid<'a> {
 
 /// Column and row of the cell of a place on the image.
 fn cell(place: &Point2<f64>) -> (u64, u64) {
-    ((place.x / MOST_PX) as u64, (place.y / MOST_PX) as u64)
+    ((place.x / MAX_PX) as u64, (place.y / MAX_PX) as u64)
 }
 
 #[cfg(test)]
@@ -180,7 +180,7 @@ mod tests {
             let to = Point2::new(to.0, to.1);
             let distances = places.iter().map(|place| (place - to).norm()).enumerate();
             let expected = distances
-                .filter(|(_, distance)| *distance <= MOST_PX)
+                .filter(|(_, distance)| *distance <= MAX_PX)
                 .min_by(|(_, one), (_, other)| one.total_cmp(other));
             let found = Grid::new(&places, Size::new(100, 80)).nearest(&to);
             prop_assert_eq!(found, expected);

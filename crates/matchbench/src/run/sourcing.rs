@@ -13,7 +13,7 @@ use super::matching::count;
 use super::seeds::selection_seed;
 use crate::counted::counted;
 use crate::matchers::{
-    BuiltPointSource, ImageFiles, MOST_MATCHES, SourceError, SourcedMatches, check_seconds,
+    BuiltPointSource, ImageFiles, MAX_MATCHES, SourceError, SourcedMatches, check_seconds,
 };
 use crate::records::{Counts, SelectedMatches, StageTimes};
 
@@ -79,8 +79,8 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             counted(ambiguity.len(), "ambiguity")
         ));
     }
-    if a.len() > MOST_MATCHES {
-        return Err(format!("{} matches; {MOST_MATCHES} are the most", a.len()));
+    if a.len() > MAX_MATCHES {
+        return Err(format!("{} matches; {MAX_MATCHES} are the most", a.len()));
     }
     if let Some(index) =
         (a.iter().zip(b)).position(|(a, b)| ![a.x, a.y, b.x, b.y].iter().all(|x| x.is_finite()))
@@ -205,9 +205,9 @@ mod tests {
                     let MatchedPoints {
                         a, b, ambiguity, ..
                     } = &mut m.points;
-                    a.resize(MOST_MATCHES + 1, Point2::origin());
-                    b.resize(MOST_MATCHES + 1, Point2::origin());
-                    ambiguity.resize(MOST_MATCHES + 1, 0.5);
+                    a.resize(MAX_MATCHES + 1, Point2::origin());
+                    b.resize(MAX_MATCHES + 1, Point2::origin());
+                    ambiguity.resize(MAX_MATCHES + 1, 0.5);
                     Ok(())
                 },
                 "5000001 matches; 5000000 are the most",

@@ -10,7 +10,7 @@ use matchbench_vision::features::{Descriptors, Features, FloatRows, Keypoint};
 use matchbench_vision::geometry::{Camera, RelativePose};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Correspondence, Correspondences, Matcher, MatcherError, View};
-use matchbench_vision::robust::{NoPose, PoseEstimate, PoseEstimator, TwoViews};
+use matchbench_vision::robust::{NoModel, PoseEstimate, PoseEstimator, TwoViews};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use serde_json::json;
@@ -113,7 +113,7 @@ pub(super) enum Trouble {
 #[derive(Clone)]
 pub(super) struct Toy {
     pub(super) threshold: u8,
-    pub(super) by_pixels: bool,
+    pub(super) uses_pixels: bool,
     pub(super) trouble: Trouble,
     pub(super) extractions: Arc<AtomicUsize>,
 }
@@ -122,7 +122,7 @@ impl Default for Toy {
     fn default() -> Self {
         Self {
             threshold: 64,
-            by_pixels: false,
+            uses_pixels: false,
             trouble: Trouble::None,
             extractions: Arc::default(),
         }
@@ -211,7 +211,7 @@ impl Matcher for Toy {
         assert_ne!(self.trouble, Trouble::PanicInSelection, "as the test wants");
         assert_eq!(
             (a.image.is_some(), b.image.is_some()),
-            (self.by_pixels, self.by_pixels)
+            (self.uses_pixels, self.uses_pixels)
         );
         if self.trouble == Trouble::MatchOfNothing {
             putative[3].b = 1000;
@@ -222,7 +222,7 @@ impl Matcher for Toy {
     }
 
     fn uses_pixels(&self) -> bool {
-        self.by_pixels
+        self.uses_pixels
     }
 }
 
@@ -232,11 +232,11 @@ impl PoseEstimator for Toy {
         views: TwoViews<'_>,
         seed: Seed,
         _stop: &dyn Fn(usize) -> bool,
-    ) -> Result<PoseEstimate, NoPose> {
+    ) -> Result<PoseEstimate, NoModel> {
         self.estimate(views, seed)
     }
 
-    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
+    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoModel> {
         assert_ne!(
             self.trouble,
             Trouble::PanicInEstimation,

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use matchbench_vision::image::GrayImage;
-use matchbench_vision::robust::NoPose;
+use matchbench_vision::robust::NoModel;
 use nalgebra::Matrix3;
 use rayon::ThreadPoolBuilder;
 use tempfile::TempDir;
@@ -495,14 +495,14 @@ fn too_few_matches_and_too_little_support_are_no_pose() {
         let selected = record.counts.selected as usize;
         match record.outcome {
             Outcome::NoPose {
-                reason: NoPose::TooFewMatches { found, needed },
+                reason: NoModel::TooFewMatches { found, needed },
             } => {
                 assert_eq!((found, needed), (selected, MIN_MATCHES));
                 assert!(found < 20);
                 few += 1;
             }
             Outcome::NoPose {
-                reason: NoPose::NoSupport { found, needed },
+                reason: NoModel::NoSupport { found, needed },
             } => {
                 assert_eq!(needed, MIN_SUPPORT);
                 assert!(found < 10);

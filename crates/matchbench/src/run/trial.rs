@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use matchbench_vision::geometry::{Camera, MatchedPoints, transfer};
 use matchbench_vision::image::Size;
 use matchbench_vision::matching::MatcherError;
-use matchbench_vision::robust::{HomographyEstimator, NoPose, PoseEstimator, TwoViews};
+use matchbench_vision::robust::{HomographyEstimator, NoModel, PoseEstimator, TwoViews};
 use matchbench_vision::seed::Seed;
 use nalgebra::Matrix3;
 
@@ -94,7 +94,7 @@ impl Trial<'_> {
         let truth = (self.truth.pose()).ok_or("the pose of the pair is not known")?;
         let (found, needed) = (points.len(), protocol.min_matches);
         if found < needed {
-            let reason = NoPose::TooFewMatches { found, needed };
+            let reason = NoModel::TooFewMatches { found, needed };
             return Ok(Outcome::NoPose { reason }.into());
         }
         let [camera_a, camera_b] = self.cameras;
@@ -117,7 +117,7 @@ impl Trial<'_> {
             (estimate.support, protocol.min_support),
         ];
         if let Some((found, needed)) = least.into_iter().find(|(found, needed)| found < needed) {
-            let reason = NoPose::NoSupport { found, needed };
+            let reason = NoModel::NoSupport { found, needed };
             return Ok(Outcome::NoPose { reason }.into());
         }
         guard(what, || {

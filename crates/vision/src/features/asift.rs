@@ -39,6 +39,7 @@ use crate::params::ParamError;
 /// Parameters of [`Asift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct AsiftParams {
     /// Number of tilts, that of 1 (the image itself) included; 1 to 9.

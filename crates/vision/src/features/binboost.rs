@@ -40,7 +40,7 @@ use crate::simd::{
 use crate::tables::BINBOOST;
 
 /// Bytes for each pixel of the image, measured: the octaves that patches are taken from.
-const BYTES_A_PIXEL: usize = 5;
+const BYTES_PER_PIXEL: usize = 5;
 
 pub use crate::simd::WeakLearner;
 
@@ -58,6 +58,7 @@ const MAGIC: &[u8; 4] = b"BBT1";
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BinBoostParams {
     /// Side of the patch, in sizes of the keypoint; above 0.
     pub scale_factor: f32,
@@ -313,7 +314,7 @@ impl Describer for BinBoost {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

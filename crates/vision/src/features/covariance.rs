@@ -103,10 +103,12 @@ pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) {
     let black = GrayImage::filled(Size::new(150, 130), 0);
     assert!(extractor.extract(&black).is_empty());
     let mut rng = Seed(12).rng();
+    let mut found = 0;
     for (width, height) in [(5, 5), (47, 31), (120, 33), (33, 120), (161, 97)] {
         let size = Size::new(width, height);
         let noise = GrayImage::from_fn(size, |_, _| rng.below(256) as u8);
         let features = extractor.extract(&noise);
+        found += features.len();
         assert_eq!(features.descriptors.kind(), extractor.kind());
         assert_eq!(features, extractor.extract(&noise), "the same each time");
         for keypoint in &features.keypoints {
@@ -120,4 +122,5 @@ pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) {
             assert!(rows.data().iter().all(|v| v.is_finite()));
         }
     }
+    assert!(found > 0, "noise has features");
 }

@@ -39,7 +39,7 @@ use crate::simd::{Fields, compare_means, field_means};
 use crate::tables::FREAK_PAIRS;
 
 /// Bytes for each pixel of the image, measured: the integral image.
-const BYTES_A_PIXEL: usize = 5;
+const BYTES_PER_PIXEL: usize = 5;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 512;
@@ -69,9 +69,9 @@ const SCALES: usize = 64;
 /// Number of angles.
 const TURNS: i32 = 256;
 /// What the largest pattern may reach, in pixels.
-const LARGEST_PATTERN: f32 = 4096.0;
+const MAX_PATTERN: f32 = 4096.0;
 /// Keypoints up to this size get the smallest pattern.
-const SMALLEST_SIZE: f32 = 7.0;
+const MIN_SIZE: f32 = 7.0;
 
 /// Parameters of [`Freak`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +80,7 @@ const SMALLEST_SIZE: f32 = 7.0;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct FreakParams {
     /// Size of the smallest pattern: its fields reach as far from the keypoint, in pixels. 8 to
     /// 100, and at most 4096 in the last octave.
@@ -146,8 +147,8 @@ impl Freak {
         ParamError::unless((1..=6).contains(&octaves), "octaves", octaves, "1 to 6")?;
         // Sums over the fields of larger patterns have more digits than 31 bits.
         let largest = pattern_scale * (1 << octaves) as f32;
-        let range = format!("at most {LARGEST_PATTERN} in the last of {octaves} octaves");
-        ParamError::unless(largest <= LARGEST_PATTERN, "pattern_scale", largest, &range)?;
+        let range = format!("at most {MAX_PATTERN} in the last of {octaves} octaves");
+        ParamError::unless(largest <= MAX_PATTERN, "pattern_scale", largest, &range)?;
         let turns = (0..TURNS)
             .map(|turn| {
                 std::array::from_fn(|i| {
@@ -191,7 +192,7 @@ impl Freak {
     /// Number of the scale for keypoints of this size.
     fn scale(&self, size: f32) -> usize {
         let per_log = SCALES as f64 / (std::f64::consts::LN_2 * self.params.octaves as f64);
-        let scale = libm::logf(size / SMALLEST_SIZE) * per_log as f32;
+        let scale = libm::logf(size / MIN_SIZE) * per_log as f32;
         ((f64::from(scale) + 0.5) as usize).min(SCALES - 1)
     }
 
@@ -291,7 +292,7 @@ impl Describer for Freak {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

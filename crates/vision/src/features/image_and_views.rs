@@ -60,7 +60,7 @@ impl<E: Extractor> Extractor for ImageAndViews<E> {
 /// They are known by their frames. So this is for extractors that describe circles, and where the image has no feature of
 /// its own, those of its first view can be taken for them.
 pub fn features_of_image(features: &Features) -> Features {
-    /// `t + 1/t` for a tilt that is none: between 2 and 2.12 of the smallest tilt, the root of 2.
+    /// Largest `t + 1/t` of a frame that counts as untilted. A circle has 2, the smallest tilt of ASIFT, sqrt 2, has 2.12.
     const UNTILTED: f32 = 2.05;
     // Features of an image of another aspect are ellipses without a tilt.
     let [across, down] = features.stretch();

@@ -35,7 +35,7 @@ impl Keypoint {
     /// Whether it lies on a pixel of an image of this size and has a neighbourhood to describe: a size from 1e-12
     /// pixels on, and an angle that is a number unless it has none.
     pub(super) fn is_describable_in(&self, image: Size) -> bool {
-        /// Squares of smaller sizes are soon nothing in single precision, and weights then no numbers.
+        /// The square of a much smaller size underflows in `f32`, and weights that are computed from it are NaN.
         const SMALLEST: f32 = 1e-12;
         let within = |v: f32, length: usize| v >= -0.5 && v < length as f32 - 0.5;
         within(self.at.x, image.width)
@@ -193,9 +193,9 @@ impl Features {
         self
     }
 
-    /// By how much circles of the image were stretched across and down when it was resampled, but for their size: as the first
-    /// feature was, which is of the image itself where others are of simulated views. Not at all where there is none, or where
-    /// its ellipse is turned, as resampling turns none.
+    /// The factors, across and down, by which resampling stretched circles of the image, up to a common one. They are read
+    /// from the frame of the first feature, which is one of the image itself and not of a simulated view. `[1, 1]` if there
+    /// are no features, or if the axes of that frame are not those of the image, since resampling cannot turn them.
     pub(crate) fn stretch(&self) -> [f32; 2] {
         /// Cosine of the angle between the rows of a frame that counts as one along the axes.
         const ALONG_AXES: f32 = 1e-3;

@@ -39,7 +39,7 @@ use crate::simd::{WINDOW, compare_patches, turn_places};
 use crate::tables::LATCH_TRIPLETS;
 
 /// Bytes for each pixel of the image, measured: the blurred image.
-const BYTES_A_PIXEL: usize = 3;
+const BYTES_PER_PIXEL: usize = 3;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -55,6 +55,7 @@ const REACH: usize = 24;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct LatchParams {
     /// Pixels that a patch reaches from its centre to each side, 0 to 3.
     pub half_patch: usize,
@@ -202,7 +203,7 @@ impl Describer for Latch {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

@@ -29,6 +29,7 @@ pub mod rootsift;
 pub mod sheared;
 pub mod sift;
 mod simulation;
+mod strongest;
 pub mod surf;
 
 pub use akaze::{Akaze, AkazeParams};
@@ -50,6 +51,7 @@ pub use patch::PatchSource;
 pub use rootsift::RootSift;
 pub use sheared::{Sheared, ShearedParams};
 pub use sift::{Sift, SiftParams};
+pub(crate) use strongest::strongest;
 pub use surf::{Surf, SurfParams};
 
 use crate::image::{GrayImage, Size};
@@ -104,7 +106,7 @@ pub trait Extractor: Send + Sync {
 }
 
 /// Pixels for each feature of a wall of small patches.
-const PIXELS_A_FEATURE: usize = 80;
+const PIXELS_PER_FEATURE: usize = 80;
 
 /// The memory of an algorithm that takes so many bytes `a_pixel`, and of features with descriptors of
 /// this `kind`, whose vectors may be twice as long as they must be.
@@ -113,7 +115,7 @@ fn memory_of(size: Size, a_pixel: usize, kind: DescriptorKind) -> usize {
         DescriptorKind::Float { dim } => dim * size_of::<f32>(),
         DescriptorKind::Binary { bits } => bits.div_ceil(8),
     };
-    let features = size.area() / PIXELS_A_FEATURE;
+    let features = size.area() / PIXELS_PER_FEATURE;
     size.area() * a_pixel + 2 * features * (size_of::<Keypoint>() + descriptor)
 }
 

@@ -51,7 +51,7 @@ use crate::simd::{
 use crate::tables::ORB_PAIRS;
 
 /// Bytes for each pixel of the image, measured: scores and smaller images.
-const BYTES_A_PIXEL: usize = 3;
+const BYTES_PER_PIXEL: usize = 3;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -67,6 +67,7 @@ const MARGIN: usize = 31;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct OrbParams {
     /// Number of features wanted; a few more are kept if they tie with the last one.
     pub features: usize,
@@ -246,7 +247,7 @@ impl Extractor for Orb {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

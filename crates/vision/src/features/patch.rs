@@ -1,7 +1,7 @@
 //! Patches around keypoints, turned upright and brought to one size.
 //!
 //! Learned describers see nothing but such a patch. Its side is a multiple of the keypoint's size
-//! (6.75 for the keypoints of SIFT in the paper's evaluation). It is taken from the octave of the
+//! (6.75 for the keypoints of SIFT in the evaluation of MatchBench, Bian et al.). It is taken from the octave of the
 //! image whose pixels are nearest in size to those of the patch, so that an image seen from nearer
 //! gives the same patch and nothing is aliased.
 

@@ -35,6 +35,7 @@ use crate::params::ParamError;
 /// Parameters of [`Sheared`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct ShearedParams {
     /// Number of shears besides 0; at most 20.

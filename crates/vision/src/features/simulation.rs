@@ -18,6 +18,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 use rayon::prelude::*;
 
 use super::keypoint::angle_of;
+use super::strongest;
 use super::{Descriptors, Extractor, Features, Keypoint, memory_of};
 use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
 
@@ -95,7 +96,7 @@ pub(super) fn views_memory<E: Extractor>(
     at_once * largest + features as usize
 }
 
-/// How much of what features may take in vectors that grow, those of all views take, measured.
+/// The features of all views take this share of what is allowed for vectors that grow to twice their length; measured.
 const FILLED: f64 = 0.55;
 
 /// The features of one view, in pixels of `image`.
@@ -220,7 +221,7 @@ fn turn(image: &GrayImage, size: Size, sin: f32, cos: f32) -> FloatImage {
 }
 
 /// Least blur before an axis is compressed, in pixels.
-const LEAST_BLUR: f64 = 0.13;
+const MIN_BLUR: f64 = 0.13;
 
 /// The image with its height compressed by `tilt`: each row is a Gaussian mean about its place.
 fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
@@ -229,7 +230,7 @@ fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
         return compressed;
     }
     // Four of the least are half a pixel: each row has one of the image within reach.
-    let sigma = (0.8 * (tilt * tilt - 1.0).sqrt()).max(LEAST_BLUR);
+    let sigma = (0.8 * (tilt * tilt - 1.0).sqrt()).max(MIN_BLUR);
     let offset = (image.height() as f64 - 1.0) / 2.0 - tilt * (size.height as f64 - 1.0) / 2.0;
     let mut sums = vec![0.0_f32; size.width];
     for y in 0..size.height {
@@ -292,11 +293,10 @@ fn keep_strongest<E: Extractor>(
     let mut order: Vec<(usize, usize)> = (views.iter().enumerate())
         .flat_map(|(view, features)| (0..features.len()).map(move |index| (view, index)))
         .collect();
-    if let Some(limit) = limit.filter(|&limit| limit < order.len()) {
-        let response = |&(view, index): &(usize, usize)| views[view].keypoints[index].response;
-        order.sort_by(|i, j| response(j).total_cmp(&response(i)));
-        order.truncate(limit);
-        order.sort_unstable();
+    if let Some(limit) = limit {
+        let response = |(view, index): (usize, usize)| views[view].keypoints[index].response;
+        let kept = strongest(order.len(), limit, |place| response(order[place]));
+        order = kept.into_iter().map(|place| order[place]).collect();
     }
     let mut descriptors = Descriptors::empty(extractor.kind());
     for &(view, index) in &order {

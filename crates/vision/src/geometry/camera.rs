@@ -105,25 +105,25 @@ impl Camera {
     }
 
     /// Checks that a camera can have these numbers: all are finite, focal lengths are positive and not below
-    /// [`Camera::LEAST_FOCAL`], no length is above [`Camera::MOST_PIXELS`], and no coefficient of the lens is
-    /// above [`Camera::MOST_DISTORTION`] in size.
+    /// [`Camera::MIN_FOCAL`], no length is above [`Camera::MAX_PIXELS`], and no coefficient of the lens is
+    /// above [`Camera::MAX_DISTORTION`] in size.
     ///
     /// # Errors
     /// The first number that is not allowed.
     pub fn check(&self) -> Result<(), CameraError> {
         let Self { fx, fy, cx, cy, .. } = *self;
-        if fx < Self::LEAST_FOCAL || fy < Self::LEAST_FOCAL {
+        if fx < Self::MIN_FOCAL || fy < Self::MIN_FOCAL {
             return Err(CameraError(format!(
                 "focal lengths must be positive, {} pixels at least, found fx {fx:?} and fy {fy:?}",
-                Self::LEAST_FOCAL
+                Self::MIN_FOCAL
             )));
         }
         let pixels = [("fx", fx), ("fy", fy), ("cx", cx), ("cy", cy)]
-            .map(|(name, x)| (name, x, Self::MOST_PIXELS));
+            .map(|(name, x)| (name, x, Self::MAX_PIXELS));
         let lens = self.distortion.map_or_else(Vec::new, |lens| {
             let Distortion { k1, k2, p1, p2, k3 } = lens;
             [("k1", k1), ("k2", k2), ("p1", p1), ("p2", p2), ("k3", k3)]
-                .map(|(name, x)| (name, x, Self::MOST_DISTORTION))
+                .map(|(name, x)| (name, x, Self::MAX_DISTORTION))
                 .to_vec()
         });
         match (pixels.into_iter().chain(lens)).find(|(_, x, most)| x.is_nan() || x.abs() > *most) {
@@ -135,11 +135,11 @@ impl Camera {
     }
 
     /// Least focal length in pixels. The coordinates of rays must be numbers that can be squared.
-    pub const LEAST_FOCAL: f64 = 1e-3;
+    pub const MIN_FOCAL: f64 = 1e-3;
     /// Largest focal length and coordinate of the principal point, in pixels.
-    pub const MOST_PIXELS: f64 = 1e7;
+    pub const MAX_PIXELS: f64 = 1e7;
     /// Largest coefficient of lens distortion; those of real lenses are below 10.
-    pub const MOST_DISTORTION: f64 = 1e3;
+    pub const MAX_DISTORTION: f64 = 1e3;
 
     /// The calibration matrix `K`.
     pub fn matrix(&self) -> Matrix3<f64> {

@@ -9,8 +9,8 @@
 //! covariance `s^2 J J^T` at depth 1. The Sampson distance should say by how much the points must move *in the
 //! image*. It uses the gradients `g` of the epipolar equation by the points. Their squared lengths are `g^T g`
 //! if a pixel has the same length everywhere; with a lens they are `(J^T g)^T (J^T g) = g^T (J J^T) g`. The
-//! matrix `J J^T` is called the *covariance* of a point: that of noise of one unit of depth 1 where the lens shows the
-//! point, which is a focal length in pixels. It is the identity without a lens.
+//! matrix `J J^T` is called the *covariance* of a point: its covariance at depth 1 if the noise has the covariance `I` in
+//! the distorted coordinates `((u - cx) / fx, (v - cy) / fy)`. It is the identity without a lens.
 //!
 //! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it a lot,
 //! beyond the pixels that they were fitted to. Where the image is folded, or the squared stretches along the axes of
@@ -22,7 +22,7 @@ use nalgebra::{Matrix2, Point2};
 use super::Distortion;
 
 /// Largest root of the sum of both squared stretches for which the lens model is used.
-const MOST_STRETCH: f64 = 4.0;
+const MAX_STRETCH: f64 = 4.0;
 
 /// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric
 /// matrix.
@@ -77,7 +77,7 @@ fn covariance(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
         .map(|j: Matrix2<f64>| j * j.transpose());
     match covariance {
         // The trace is the sum of the squared stretches along the axes of the ellipse; NaN is no stretch.
-        Some(s) if s.trace() <= MOST_STRETCH * MOST_STRETCH => [s.m11, s.m12, s.m22],
+        Some(s) if s.trace() <= MAX_STRETCH * MAX_STRETCH => [s.m11, s.m12, s.m22],
         _ => IDENTITY,
     }
 }

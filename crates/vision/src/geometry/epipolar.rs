@@ -73,8 +73,8 @@ pub fn epipole_in_b(e: &Matrix3<f64>) -> Vector3<f64> {
     null_vector([0, 1, 2].map(|i| e.column(i).into_owned()))
 }
 
-/// The vector that is perpendicular to three vectors of one plane: the cross product of the two that are least
-/// parallel, since these determine it best.
+/// The vector that is perpendicular to three vectors of one plane: the longest of their three cross products, which
+/// determines it best.
 fn null_vector([k, l, m]: [Vector3<f64>; 3]) -> Vector3<f64> {
     let mut null = k.cross(&l);
     for other in [l.cross(&m), m.cross(&k)] {

@@ -13,18 +13,19 @@
 //! | --- | --- | --- |
 //! | `FIRST_DAMPING` | 1e-3, times the diagonal | Marquardt |
 //! | `DAMPING_FACTOR` | 10 | Marquardt |
-//! | `SMALLEST_STEP` | 1e-9, in the unit of the tangent space | ours |
+//! | `MIN_STEP` | 1e-9, in the unit of the tangent space | ours |
 
 use nalgebra::{SMatrix, SVector};
 
 const FIRST_DAMPING: f64 = 1e-3;
-const LARGEST_DAMPING: f64 = 1e6;
+const MAX_DAMPING: f64 = 1e6;
 const DAMPING_FACTOR: f64 = 10.0;
-const SMALLEST_STEP: f64 = 1e-9;
+const MIN_STEP: f64 = 1e-9;
 
 /// The cost of a residual r, where c is the scale of the loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Loss {
     /// `min(r^2, c^2)`: outliers have no influence.
@@ -147,8 +148,8 @@ pub(super) fn minimise<const N: usize, P: LeastSquares<N>>(
             damping *= DAMPING_FACTOR;
         }
         // The damping bounds the number of vain trials. A step of NaN is none.
-        let moves = step.norm() > SMALLEST_STEP;
-        if !moves || damping > LARGEST_DAMPING {
+        let moves = step.norm() > MIN_STEP;
+        if !moves || damping > MAX_DAMPING {
             break;
         }
     }

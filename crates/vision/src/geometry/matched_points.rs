@@ -25,8 +25,9 @@ pub struct MatchedPoints {
     pub b: Vec<Point2<f64>>,
     /// How ambiguous each match is, from 0 (certain) to 1 (a second candidate is as good): the ratio of the
     /// nearest to the second nearest distance of descriptors, or one minus a learned confidence. It is above 1 if
-    /// a selector chose another candidate than the nearest. Only the order of these values matters, and only to
-    /// samplers that try certain matches first.
+    /// a selector chose another candidate than the nearest. Samplers that try certain matches first use the order of
+    /// these values. A search that uses `turns` multiplies `1 - ambiguity` by its trust in the match, and so uses the
+    /// values too.
     pub ambiguity: Vec<f32>,
     /// The angle by which the keypoint of `b` is turned relative to that of `a`, in radians; `None` if it is
     /// not known for every match. Scores that use it trust a match less if its angle differs from that of most

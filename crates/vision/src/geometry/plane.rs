@@ -18,7 +18,7 @@ use super::essential::{MAX_SVD_STEPS, scaled};
 use super::solvers::Solutions;
 
 /// If the singular values are this close together, H is taken for a rotation, which says nothing about a plane.
-const LEAST_SPAN: f64 = 1e-9;
+const MIN_SPAN: f64 = 1e-9;
 
 /// The essential matrices of the two poses that explain a homography from a to b of points at depth 1. They
 /// have Frobenius norm 1 and any sign. Scale and sign of `h` do not matter. There are none if `h` is a rotation
@@ -41,7 +41,7 @@ pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
     let [v1, v2, v3] = order.map(|i| v_t.row(i).transpose());
     let (s1, s3) = (largest / middle, least / middle);
     let squared_span = s1 * s1 - s3 * s3;
-    if squared_span.is_nan() || squared_span < LEAST_SPAN || least <= 0.0 {
+    if squared_span.is_nan() || squared_span < MIN_SPAN || least <= 0.0 {
         return found;
     }
     let h = h / middle.copysign(h.determinant());
@@ -56,7 +56,7 @@ pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
         let translation = (h - rotation) * normal;
         let essential = translation.cross_matrix() * rotation;
         let norm = essential.norm();
-        if norm.is_finite() && norm > LEAST_SPAN {
+        if norm.is_finite() && norm > MIN_SPAN {
             found.push(essential / norm);
         }
     }

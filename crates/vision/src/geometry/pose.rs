@@ -68,7 +68,7 @@ impl RelativePose {
 }
 
 impl PoseError {
-    /// The pose error of the paper (Sec. 3): the larger of the two angles, in radians.
+    /// The pose error of the MatchBench paper (Bian et al., Sec. 3): the larger of the two angles, in radians.
     pub fn max(&self) -> f64 {
         self.rotation.max(self.translation)
     }

@@ -18,8 +18,8 @@ use super::{PointPairs, normalisation, squared_transfer_distances};
 use crate::simd;
 
 /// The homography after at most `max_steps` steps from `start`, of Frobenius norm 1 and with the sign of
-/// `start`. Its cost is never larger than that of `start`. The scale of the `loss` is given squared, in squared
-/// pixels.
+/// `start`. Its cost is never larger than that of `start`. The scale of the `loss` is given squared, in the squared unit
+/// of the points.
 pub fn refine_homography(
     start: &Matrix3<f64>,
     pairs: &PointPairs,
@@ -33,7 +33,7 @@ pub fn refine_homography(
     let distances = TransferDistances { frames, pairs };
     let from = distances.frames.normalised(start);
     let h = minimise(&distances, from, loss, squared_scale, max_steps);
-    let refined = distances.frames.in_pixels(&h).normalize();
+    let refined = distances.frames.denormalised(&h).normalize();
     if refined.iter().all(|x| x.is_finite()) {
         refined
     } else {
@@ -41,7 +41,7 @@ pub fn refine_homography(
     }
 }
 
-/// The symmetric transfer distances of matches, in pixels, under a homography between normalised coordinates.
+/// The symmetric transfer distances of matches, in the unit of the points, under a homography between normalised coordinates.
 struct TransferDistances<'a> {
     frames: Frames,
     pairs: &'a PointPairs,
@@ -55,17 +55,17 @@ impl LeastSquares<8> for TransferDistances<'_> {
     }
 
     fn squared_residuals(&self, h: &Matrix3<f64>, out: &mut [f64]) {
-        let in_pixels = self.frames.in_pixels(h);
-        squared_transfer_distances(&in_pixels, self.pairs, 0..self.pairs.len(), out);
+        let denormalised = self.frames.denormalised(h);
+        squared_transfer_distances(&denormalised, self.pairs, 0..self.pairs.len(), out);
     }
 
     /// The normal equations along the directions [`perpendicular`] to `h`; `None` if the homography has no
     /// inverse.
     fn normal_equations(&self, h: &Matrix3<f64>, weights: &[f64]) -> Option<NormalEquations<8>> {
         let (frames, pairs) = (&self.frames, self.pairs);
-        let there = frames.in_pixels(h);
+        let there = frames.denormalised(h);
         let back = there.try_inverse()?;
-        let there_by = perpendicular(h).map(|direction| frames.in_pixels(&direction));
+        let there_by = perpendicular(h).map(|direction| frames.denormalised(&direction));
         // The derivative of an inverse.
         let back_by = there_by.map(|direction| row_major(&-(back * direction * back)));
         let sums = simd::transfer_normal_equations(
@@ -85,16 +85,16 @@ impl LeastSquares<8> for TransferDistances<'_> {
     }
 }
 
-/// The transformations from pixels of each image to coordinates in which a homography is well conditioned.
+/// The transformations from the points of each image to coordinates in which a homography is well conditioned.
 struct Frames {
     from_a: Matrix3<f64>,
-    b_to_pixels: Matrix3<f64>,
+    b_from_normalised: Matrix3<f64>,
     from_b: Matrix3<f64>,
 }
 
 impl Frames {
-    /// `None` if there are no points, and for some where all points of an image are the same: elsewhere the coordinates
-    /// of these are as good as any.
+    /// `None` if there are no finite points, if all points of an image coincide (rounding may hide this), or if `h` is
+    /// zero or not finite.
     fn around(pairs: &PointPairs, h: &Matrix3<f64>) -> Option<Self> {
         let of = |x: &[f64], y: &[f64]| {
             let points = x.iter().zip(y).map(|(x, y)| (*x, *y));
@@ -106,18 +106,18 @@ impl Frames {
         let sound = h.norm() > 0.0 && h.iter().all(|x| x.is_finite());
         Some(Self {
             from_a,
-            b_to_pixels: from_b.try_inverse().filter(|_| sound)?,
+            b_from_normalised: from_b.try_inverse().filter(|_| sound)?,
             from_b,
         })
     }
 
-    fn in_pixels(&self, h: &Matrix3<f64>) -> Matrix3<f64> {
-        self.b_to_pixels * h * self.from_a
+    fn denormalised(&self, h: &Matrix3<f64>) -> Matrix3<f64> {
+        self.b_from_normalised * h * self.from_a
     }
 
     fn normalised(&self, h: &Matrix3<f64>) -> Matrix3<f64> {
-        let a_to_pixels = (self.from_a.try_inverse()).expect("a similarity has an inverse");
-        (self.from_b * h * a_to_pixels).normalize()
+        let a_from_normalised = (self.from_a.try_inverse()).expect("a similarity has an inverse");
+        (self.from_b * h * a_from_normalised).normalize()
     }
 }
 

@@ -25,12 +25,12 @@ const BYTES_IN_USE: usize = 1 << 18;
 pub(crate) fn fed_steps(time: f32) -> Vec<f32> {
     let exact = (3.0 * time / STABLE_TIME + 0.25).sqrt() - 0.5;
     let n = exact.ceil().max(1.0) as usize;
-    // By how much a whole cycle of n steps would be too long.
-    let excess = 3.0 * time / (STABLE_TIME * (n * (n + 1)) as f32);
+    // The wanted time as a share of a whole cycle of n steps, at most 1. Every step is shortened by it.
+    let share = 3.0 * time / (STABLE_TIME * (n * (n + 1)) as f32);
     let step = |k: usize| {
         let angle = core::f32::consts::PI * (2 * k + 1) as f32 / (4 * n + 2) as f32;
         let cos = libm::cosf(angle);
-        0.5 * excess * STABLE_TIME / (cos * cos)
+        0.5 * share * STABLE_TIME / (cos * cos)
     };
     if n == 1 {
         return vec![step(0)];

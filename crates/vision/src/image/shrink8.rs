@@ -91,9 +91,7 @@ mod tests {
             let shrunk = shrink_u8(&image, Size::new(to.0, to.1));
             assert_eq!(shrunk, GrayImage::filled(Size::new(to.0, to.1), 201));
         }
-        assert_eq!(
-            shrink_u8(&GrayImage::filled(Size::new(1, 1), 9), Size::new(0, 0)).data(),
-            []
-        );
+        let nothing = shrink_u8(&GrayImage::filled(Size::new(1, 1), 9), Size::new(0, 0));
+        assert!(nothing.data().is_empty());
     }
 }

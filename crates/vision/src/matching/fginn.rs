@@ -104,7 +104,7 @@ impl Places<'_> {
         let rows = matches.iter().flat_map(|found| a.row(found.a as usize));
         let rows: Vec<f32> = rows.copied().collect();
         // Of two features so far apart one at least is elsewhere, wherever a match is, whatever their distances are
-        // rounded to. So the nearest elsewhere is no farther than the farther of any two that are.
+        // rounded to. So the nearest feature elsewhere is never farther than the farther one of two features that are apart.
         let are_apart = |i, j| self.distance(i, j) > FAR * self.radius_px;
         let near = near_rows(&rows, b.data(), a.dim(), b.prepared(), Some(&are_apart));
         let all: Vec<u32> = (0..b.len() as u32).collect();

@@ -7,7 +7,7 @@
 //!    cell j of b. Cell i is paired with the j of the highest count.
 //! 2. The pair is supported by the matches between the nine cells around i and those around j (eq. 7).
 //!    It is accepted if they are at least `factor * sqrt(n)`, where n is the mean number of matches
-//!    of the nine cells of a (eq. 8; features there, each of which has a match): a wrong pair
+//!    of the nine cells of a (eq. 8, where features are counted; each has one match): a wrong pair
 //!    collects support by chance only, a right one in proportion to n.
 //! 3. A match is kept if its cells are an accepted pair. Matches near the border of a cell are lost
 //!    that way, so all is done four times with the grid of a moved by half a cell (sec. 4), and what
@@ -54,6 +54,7 @@ const RING: [(isize, isize); 8] = [
 /// Parameters of [`Gms`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct GmsParams {
     /// How far the support must exceed what is expected by chance.
@@ -106,17 +107,17 @@ impl Gms {
         assert_eq!(a.len(), b.len(), "a match has a point in each image");
         let scales = if self.params.scales { CELLS_B.len() } else { 1 };
         let rotations = if self.params.rotations { RING.len() } else { 1 };
-        let left = grid_places(a, size_a);
+        let places_of_a = grid_places(a, size_a);
         let mut best = (0, vec![false; a.len()]);
         for &cells_b in &CELLS_B[..scales] {
-            let right = cells_of(b, size_b, cells_b);
+            let of_b = cells_of(b, size_b, cells_b);
             let mut votes = Votes::new(cells_b);
             for rotation in 0..rotations {
                 let mut kept = vec![false; a.len()];
-                for places in &left {
-                    votes.count(places, &right);
+                for of_a in &places_of_a {
+                    votes.count(of_a, &of_b);
                     votes.accept(rotation, self.params.factor);
-                    votes.mark(places, &right, &mut kept);
+                    votes.mark(of_a, &of_b, &mut kept);
                 }
                 let count = kept.iter().filter(|&&kept| kept).count();
                 if count > best.0 {
@@ -195,14 +196,14 @@ impl Votes {
     }
 
     /// Step 1, without the pairing.
-    fn count(&mut self, left: &[u32], right: &[u32]) {
+    fn count(&mut self, of_a: &[u32], of_b: &[u32]) {
         let row = self.cells_b * self.cells_b;
         self.statistics.fill(0);
         self.totals.fill(0);
-        for (&left, &right) in left.iter().zip(right) {
-            if left != NONE && right != NONE {
-                self.statistics[left as usize * row + right as usize] += 1;
-                self.totals[left as usize] += 1;
+        for (&a, &b) in of_a.iter().zip(of_b) {
+            if a != NONE && b != NONE {
+                self.statistics[a as usize * row + b as usize] += 1;
+                self.totals[a as usize] += 1;
             }
         }
     }
@@ -233,11 +234,11 @@ impl Votes {
             1_u32,
         );
         for place in 0..RING.len() {
-            let left = neighbour(cell, CELLS, RING[place]);
-            let right = neighbour(partner, self.cells_b, RING[(place + rotation) % RING.len()]);
-            if let (Some(left), Some(right)) = (left, right) {
-                support += self.statistics[left * row + right];
-                total += self.totals[left];
+            let near_a = neighbour(cell, CELLS, RING[place]);
+            let near_b = neighbour(partner, self.cells_b, RING[(place + rotation) % RING.len()]);
+            if let (Some(a), Some(b)) = (near_a, near_b) {
+                support += self.statistics[a * row + b];
+                total += self.totals[a];
                 pairs += 1;
             }
         }
@@ -246,10 +247,10 @@ impl Votes {
     }
 
     /// Step 3.
-    fn mark(&self, left: &[u32], right: &[u32], kept: &mut [bool]) {
-        for ((kept, &left), &right) in kept.iter_mut().zip(left).zip(right) {
-            if left != NONE && right != NONE {
-                *kept |= self.partners[left as usize] == right;
+    fn mark(&self, of_a: &[u32], of_b: &[u32], kept: &mut [bool]) {
+        for ((kept, &a), &b) in kept.iter_mut().zip(of_a).zip(of_b) {
+            if a != NONE && b != NONE {
+                *kept |= self.partners[a as usize] == b;
             }
         }
     }

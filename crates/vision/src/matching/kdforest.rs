@@ -50,6 +50,7 @@ const LEAF: u32 = 1 << 31;
 /// Parameters of [`KdForest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct KdForestParams {
     /// Number of trees, 1 to 64.

@@ -73,7 +73,7 @@ impl Matcher for Pipeline {
     }
 
     fn uses_pixels(&self) -> bool {
-        self.selectors.iter().any(|selector| selector.by_pixels())
+        self.selectors.iter().any(|selector| selector.uses_pixels())
     }
 
     fn extraction_memory(&self, size: Size) -> usize {

@@ -35,6 +35,7 @@ const BLOCK: usize = 256;
 /// Exact search where the second neighbour must be at another place than the nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct PlacewiseNeighbours {
     /// Features closer to each other than this, in pixels, are at the same place.

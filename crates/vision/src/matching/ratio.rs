@@ -18,6 +18,7 @@ use crate::seed::Seed;
 /// Keeps a match if its distance is below [`RatioTest::ratio`] times the distance to the second nearest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RatioTest {
     /// Largest ratio of the two distances, itself excluded; sensible in `(0, 1]`.

@@ -17,7 +17,7 @@ pub struct View<'a> {
     pub camera: Option<&'a Camera>,
 }
 
-/// A feature matcher in the paper's sense: two images in, correspondences out.
+/// A feature matcher in the sense of the MatchBench paper (Bian et al.): two images in, correspondences out.
 ///
 /// Users of the library implement it too, so every stage may fail. The benchmark counts a failure against
 /// the pair and goes on.
@@ -130,8 +130,8 @@ pub trait Search: Send + Sync {
         self.search(a, b)
     }
 
-    /// [`search_below`](Self::search_below) the ratio of the `first` selector of the correspondences, where it has one:
-    /// what that one drops, no other sees.
+    /// Searches for a pipeline whose first selector is `first`. If that has a ratio, this is
+    /// [`search_below`](Self::search_below) with it, since what it drops reaches no later selector.
     fn search_for(
         &self,
         a: &Features,
@@ -157,7 +157,7 @@ pub trait Selector: Send + Sync {
     }
 
     /// Whether it needs [`View::image`].
-    fn by_pixels(&self) -> bool {
+    fn uses_pixels(&self) -> bool {
         false
     }
 }

@@ -6,8 +6,8 @@
 //! two images described by [`ImageAndViews`](crate::features::ImageAndViews):
 //!
 //! 1. The features of the images as they are are compared, and [`Adalam`] selects.
-//! 2. Where it keeps at least `enough` matches, these are the matches: they say exactly where something is, and no view can
-//!    add a wrong one.
+//! 2. Where it keeps at least `enough` matches, these are the matches: they are located more precisely than those of
+//!    views, and no view can add a wrong one.
 //! 3. Elsewhere all features are compared, those of views included, and AdaLAM selects of these, by parameters of its own.
 //!
 //! A pair that needs no views takes the time of the images alone. Where many views agree on something that is not there

@@ -9,7 +9,7 @@
 //!
 //! | of | number | meaning |
 //! | --- | --- | --- |
-//! | overlap | significance | 1 plus -log10 of the number of false alarms, or plus 0 if that is negative |
+//! | overlap | significance | 1 + max(0, -log10 of the number of false alarms) |
 //! | overlap | cells | 1 plus the number of cells, of a grid of 10 x 10 over the points, that have a near match; in the view that has fewer |
 //! | precise | deviation | how far the pose may be off in degrees, by the noise and the near matches of usual parallax; 0.01 to 180 |
 //! | precise | noise | variance of the distances of near matches in square pixels, at least 0.01 |
@@ -19,9 +19,9 @@
 //! Probabilistic Criterion to Detect Rigid Point Matches Between Two Images and Estimate the Fundamental Matrix",
 //! IJCV 57(3), 2004, eq. 13). Samples have five matches here. *Differs*: the factor for the number of models that a
 //! sample allows (3 there, 10 here) is left out. It would lower every significance by 1, and the weights were fitted
-//! without it. *Choice*: the chance is that of a point to be within 2 pixels of a line. Where both images look alike, a
-//! Sampson distance of 2 pixels is 2.8 from the line; but the line is taken to be as long as a diagonal, which most
-//! are not. Wrong matches are often crowded in few places, which the cells tell.
+//! without it. *Choice*: the chance is that of a point to be within 2 pixels of a line. At equal scales, a Sampson distance
+//! of 2 pixels is 2.8 pixels from the line, so the chance is underestimated; but every line is taken to be as long as the
+//! diagonal, which overestimates it. Wrong matches are often crowded in few places, which the cells tell.
 //!
 //! Where chance alone brings as many near matches, very many wrong matches fill most cells. So without any
 //! significance the answer is no overlap, whatever the cells say.
@@ -56,7 +56,8 @@ pub const RIGHT_POSE: f64 = 10.0;
 const OVERLAP: [f64; 3] = [-10.537, 0.795, 3.049];
 /// w_0, and the weights of deviation and noise.
 const PRECISE: [f64; 3] = [1.486, -1.375, -0.963];
-/// Most that `overlap` may be where chance brings as many near matches: just not the answer that there is overlap.
+/// Upper limit of `overlap` where the near matches are not significant: just below one half, so that the answer is "no
+/// overlap".
 const BY_CHANCE: f64 = 0.49;
 /// Distance of near matches in pixels.
 const NEAR_PX: f64 = 2.0;

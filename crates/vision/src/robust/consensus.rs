@@ -29,7 +29,8 @@
 //! good one.
 //!
 //! In any case a model is abandoned as soon as an upper bound of its quality
-//! ([`Scoring::upper_bound`]) is below the quality of the best one; this changes no result.
+//! ([`Scoring::upper_bound`]) is not above the quality of the best one. Up to the rounding of sums, this changes no
+//! result.
 //!
 //! *Choices*, all as in OpenCV's `RANSAC`: w is the inlier ratio of the best model so far; the number of samples is
 //! rounded to the nearest integer (half to even) and never grows; a model needs at least as many inliers as a
@@ -147,56 +148,50 @@ pub fn consensus_until<P: Problem>(
             if support.inliers < P::SAMPLE {
                 continue;
             }
-            let (mut model, mut support) = (model.clone(), support);
-            if let Some(other) =
-                problem.resolve_degeneracy(&model, sample, support.squared_threshold, rng)
-                && let Some(better) = support_above(
-                    support.quality,
-                    problem,
-                    score,
-                    &other,
-                    None,
-                    &mut residuals,
-                )
-            {
-                (model, support) = (other, better);
+            let mut found = (model.clone(), support);
+            let resolved =
+                problem.resolve_degeneracy(&found.0, sample, found.1.squared_threshold, rng);
+            found = better_of(problem, score, found, resolved, &mut residuals);
+            if extras.local_steps > 0 {
+                let refined =
+                    problem.refine(&found.0, found.1.squared_threshold, extras.local_steps);
+                found = better_of(problem, score, found, refined, &mut residuals);
             }
-            if extras.local_steps > 0
-                && let Some(refined) =
-                    problem.refine(&model, support.squared_threshold, extras.local_steps)
-                && let Some(better) = support_above(
-                    support.quality,
-                    problem,
-                    score,
-                    &refined,
-                    None,
-                    &mut residuals,
-                )
-            {
-                (model, support) = (refined, better);
-            }
-            let inlier_ratio = support.inliers as f64 / problem.len() as f64;
+            let inlier_ratio = found.1.inliers as f64 / problem.len() as f64;
             let mut power = 1.0;
             if let Some(sprt) = &mut sprt {
                 sprt.best_is(inlier_ratio);
                 power = sprt.power();
             }
             needed = needed.min(samples_needed(inlier_ratio, power, P::SAMPLE, params));
-            best = Some((model, support));
+            best = Some(found);
         }
     }
-    let (mut model, mut support) = best?;
-    for rival in problem.rivals(&model, support.squared_threshold, rng) {
+    let mut best = best?;
+    for rival in problem.rivals(&best.0, best.1.squared_threshold, rng) {
         let refined = (extras.local_steps > 0)
-            .then(|| problem.refine(&rival, support.squared_threshold, extras.local_steps))
+            .then(|| problem.refine(&rival, best.1.squared_threshold, extras.local_steps))
             .flatten()
             .unwrap_or(rival);
-        let limit = support.quality;
-        if let Some(better) = support_above(limit, problem, score, &refined, None, &mut residuals) {
-            (model, support) = (refined, better);
-        }
+        best = better_of(problem, score, best, Some(refined), &mut residuals);
     }
-    Some(with_inliers(problem, model, support, samples))
+    Some(with_inliers(problem, best.0, best.1, samples))
+}
+
+/// The `other` model if there is one and its quality is higher, else the one that was `found`.
+fn better_of<P: Problem>(
+    problem: &P,
+    score: &impl Scoring,
+    found: (P::Model, Support),
+    other: Option<P::Model>,
+    residuals: &mut [f64],
+) -> (P::Model, Support) {
+    let better = other.and_then(|other| {
+        let limit = found.1.quality;
+        let support = support_above(limit, problem, score, &other, None, residuals)?;
+        Some((other, support))
+    });
+    better.unwrap_or(found)
 }
 
 /// The `model`, which was found with so many samples, with the support that `score` gives it. `None` if fewer data

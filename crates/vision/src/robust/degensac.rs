@@ -2,9 +2,10 @@
 //!
 //! Chum, Werner, Matas, "Two-View Geometry Estimation Unaffected by a Dominant Plane", CVPR 2005.
 //!
-//! Where five or more of seven matches lie on one plane, any epipole at all gives a fundamental
-//! matrix that all matches on the plane agree with, and it wins against a right one that has seen
-//! little else. So, whenever a matrix becomes the best:
+//! A plane with homography H agrees with every matrix `[e]_x H`, whatever the epipole e is. If five or
+//! more of the seven matches of a sample lie on the plane, the others fix e, rightly or not. All matches
+//! on the plane are inliers either way, so a matrix with a wrong epipole can have the best score. So,
+//! whenever a matrix becomes the best:
 //!
 //! 1. Each of five triplets of its sample, of which any five matches on a plane contain one, gives a
 //!    homography together with F: `H = A - e (M^-1 b)^T`, with e the epipole in b, `A = [e]_x F`, and M
@@ -17,7 +18,8 @@
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |
 //! | | `DRAWS` | 200 | ours: 99.9 % sure where a fifth of what is off the plane is right |
-//! | | `WIDER` | 4 | ours: a sample's homography is rough, so it may be off by twice the threshold |
+//! | | `SQUARED_SLACK` | 4 | ours: a sample's homography is rough, so it may be off by twice the threshold |
+//! | | `REFINEMENTS` | 2 | ours: rounds in which the homography is fitted to its inliers |
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
@@ -29,7 +31,8 @@ use crate::seed::Rng;
 use crate::simd;
 
 const DRAWS: usize = 200;
-const WIDER: f64 = 4.0;
+const SQUARED_SLACK: f64 = 4.0;
+const REFINEMENTS: usize = 2;
 
 /// Any five of the seven matches contain at least one of these triplets.
 const TRIPLETS: [[usize; 3]; 5] = [[0, 1, 2], [3, 4, 5], [0, 1, 6], [3, 4, 6], [2, 5, 6]];
@@ -43,18 +46,18 @@ pub(super) fn off_the_plane(
     squared_threshold: f64,
     rng: &mut Rng,
 ) -> Option<Matrix3<f64>> {
-    let rough = plane_of(f, sample, pairs, WIDER * squared_threshold)?;
+    let rough = plane_of(f, sample, pairs, SQUARED_SLACK * squared_threshold)?;
     let plane = HomographyProblem {
         pairs,
         one_side: false,
     };
     let h = plane
-        .refine(&rough, WIDER * squared_threshold, 2)
+        .refine(&rough, SQUARED_SLACK * squared_threshold, REFINEMENTS)
         .unwrap_or(rough);
     let mut residuals = vec![0.0; pairs.len()];
     squared_transfer_distances(&h, pairs, 0..pairs.len(), &mut residuals);
     let off: Vec<usize> = (residuals.iter().enumerate())
-        .filter(|&(_, &squared)| squared > WIDER * squared_threshold && squared.is_finite())
+        .filter(|&(_, &squared)| squared > SQUARED_SLACK * squared_threshold && squared.is_finite())
         .map(|(index, _)| index)
         .collect();
     let count = u32::try_from(off.len()).ok().filter(|&count| count >= 2)?;

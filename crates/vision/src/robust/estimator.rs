@@ -1,5 +1,5 @@
 //! The traits and results of estimators. An estimator of poses takes matched points and two cameras and returns a
-//! relative pose; an estimator of homographies takes matched points alone. Either may find none ([`NoPose`]).
+//! relative pose; an estimator of homographies takes matched points alone. Either may find none ([`NoModel`]).
 
 use std::fmt;
 
@@ -78,7 +78,7 @@ pub struct HomographyEstimate {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "kebab-case"))]
-pub enum NoPose {
+pub enum NoModel {
     /// There are too few matches.
     TooFewMatches {
         /// Number of given matches.
@@ -97,7 +97,7 @@ pub enum NoPose {
     },
 }
 
-impl fmt::Display for NoPose {
+impl fmt::Display for NoModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::TooFewMatches { found, needed } => {
@@ -113,24 +113,24 @@ impl fmt::Display for NoPose {
     }
 }
 
-impl std::error::Error for NoPose {}
+impl std::error::Error for NoModel {}
 
 /// Estimates the relative pose of two cameras.
 pub trait PoseEstimator: Send + Sync {
     /// The pose of `b` relative to `a`; the same seed gives the same bits.
     ///
     /// # Errors
-    /// [`NoPose`] if the matches determine none.
+    /// [`NoModel`] if the matches determine none.
     ///
     /// # Panics
     /// If the lists of the matched points have different lengths.
-    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose>;
+    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoModel>;
 
     /// As [`PoseEstimator::estimate`], but samples are drawn only until `stop` returns true; it is given the number
     /// of samples so far. This allows comparisons at equal time: the caller owns the clock.
     ///
     /// # Errors
-    /// [`NoPose`] if the matches determine none, or if the time was too short to find one.
+    /// [`NoModel`] if the matches determine none, or if the time was too short to find one.
     ///
     /// # Panics
     /// As [`PoseEstimator::estimate`].
@@ -139,7 +139,7 @@ pub trait PoseEstimator: Send + Sync {
         views: TwoViews<'_>,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
-    ) -> Result<PoseEstimate, NoPose>;
+    ) -> Result<PoseEstimate, NoModel>;
 }
 
 /// Estimates the homography between two images, which exists if the scene is a plane or the camera only
@@ -148,21 +148,21 @@ pub trait HomographyEstimator: Send + Sync {
     /// The homography from a to b; the same seed gives the same bits.
     ///
     /// # Errors
-    /// [`NoPose`] if the matches determine none.
+    /// [`NoModel`] if the matches determine none.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
-    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose>;
+    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoModel>;
 
     /// As [`HomographyEstimator::estimate`], but samples are drawn only until `stop` returns true, as in
     /// [`PoseEstimator::estimate_until`].
     ///
     /// # Errors
-    /// [`NoPose`] if the matches determine none, or if the time was too short to find one.
+    /// [`NoModel`] if the matches determine none, or if the time was too short to find one.
     fn estimate_until(
         &self,
         points: &MatchedPoints,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
-    ) -> Result<HomographyEstimate, NoPose>;
+    ) -> Result<HomographyEstimate, NoModel>;
 }

@@ -14,7 +14,7 @@ pub(super) const FAR_AT_DEPTH_1: f64 = 4.0;
 pub(super) const NOTHING_IS_FAR: f64 = f64::INFINITY;
 
 /// Most cells across and down.
-pub(super) const MOST_CELLS: u32 = 1000;
+pub(super) const MAX_CELLS: u32 = 1000;
 
 /// The cell of each point in a grid of `cells` x `cells` over all points, by rows. Points whose coordinates are
 /// not finite share one additional cell, the last.

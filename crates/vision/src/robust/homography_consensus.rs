@@ -45,7 +45,7 @@ use super::consensus::inliers_within;
 use super::grid::NOTHING_IS_FAR;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
-    Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoPose, Problem,
+    Consensus, HomographyEstimate, HomographyEstimator, HomographyProblem, NoModel, Problem,
 };
 use crate::geometry::{Loss, MatchedPoints, refine_homography};
 use crate::params::ParamError;
@@ -117,7 +117,7 @@ fn inliers_of(
 }
 
 impl HomographyEstimator for HomographyConsensus {
-    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoPose> {
+    fn estimate(&self, points: &MatchedPoints, seed: Seed) -> Result<HomographyEstimate, NoModel> {
         self.estimate_until(points, seed, &|_| false)
     }
 
@@ -126,11 +126,11 @@ impl HomographyEstimator for HomographyConsensus {
         points: &MatchedPoints,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
-    ) -> Result<HomographyEstimate, NoPose> {
+    ) -> Result<HomographyEstimate, NoModel> {
         let needed = HomographyProblem::SAMPLE;
         if points.len() < needed {
             let found = points.len();
-            return Err(NoPose::TooFewMatches { found, needed });
+            return Err(NoModel::TooFewMatches { found, needed });
         }
         let order = seed.child("order");
         let matches = Shuffled::new(&points.in_pixels(), points, self.params.score, order);
@@ -147,12 +147,12 @@ impl HomographyEstimator for HomographyConsensus {
             stop,
         };
         let found = task.solve(&problem);
-        let found = found.ok_or(NoPose::NoSupport { found: 0, needed })?;
+        let found = found.ok_or(NoModel::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (b_from_a, inliers) = self.finish(&problem, found);
         if inliers.len() < needed || b_from_a.try_inverse().is_none() {
             let found = inliers.len();
-            return Err(NoPose::NoSupport { found, needed });
+            return Err(NoModel::NoSupport { found, needed });
         }
         Ok(HomographyEstimate {
             b_from_a,

@@ -13,7 +13,7 @@ const STEPS: usize = 3;
 /// The likelihood of all residuals under a mixture of a normal distribution (inliers) and a uniform
 /// one (outliers), whose share is estimated for each model (Torr, Zisserman, "MLESAC: A New Robust
 /// Estimator with Application to Estimating Image Geometry", Computer Vision and Image
-/// Understanding 78(1), 2000, sec. 4.2, eqs. 14-18).
+/// Understanding 78(1), 2000, sec. 4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mlesac {
     /// (1.96 sigma)^2: an inlier is a datum whose squared residual is at most this. This holds for 95 % of the

@@ -1,7 +1,7 @@
 //! Relative pose, or a homography, from matches of which many are wrong.
 //!
 //! A [`PoseEstimator`] takes [`TwoViews`] (matched points and two cameras) and returns a [`PoseEstimate`], or
-//! says why there is [`NoPose`]. Two are here: [`Ransac`], the reference of the benchmark, and
+//! says why there is [`NoModel`]. Two are here: [`Ransac`], the reference of the benchmark, and
 //! [`SampleConsensus`], put together from parts; [`presets`] has the combinations that have a name.
 //!
 //! A [`HomographyEstimator`] takes matched points alone, and [`HomographyConsensus`] is one.
@@ -11,13 +11,13 @@
 //!
 //! ```
 //! use matchbench_vision::geometry::{Camera, MatchedPoints};
-//! use matchbench_vision::robust::{NoPose, PoseEstimator, SampleConsensus, TwoViews, presets};
+//! use matchbench_vision::robust::{NoModel, PoseEstimator, SampleConsensus, TwoViews, presets};
 //! use matchbench_vision::seed::Seed;
 //!
 //! let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
 //! let views = TwoViews { points: &MatchedPoints::default(), camera_a: &camera, camera_b: &camera };
 //! let estimator = SampleConsensus::new(presets::best())?;
-//! let nothing = NoPose::TooFewMatches { found: 0, needed: 5 };
+//! let nothing = NoModel::TooFewMatches { found: 0, needed: 5 };
 //! assert_eq!(estimator.estimate(views, Seed(0)), Err(nothing));
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
@@ -59,7 +59,7 @@ pub use confidence::{Confidence, RIGHT_POSE};
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{
-    HomographyEstimate, HomographyEstimator, NoPose, PoseEstimate, PoseEstimator, TwoViews,
+    HomographyEstimate, HomographyEstimator, NoModel, PoseEstimate, PoseEstimator, TwoViews,
 };
 pub use even_marginal::EvenMarginal;
 pub use even_msac::EvenMsac;

@@ -9,7 +9,8 @@
 //!
 //! Expectation maximisation (Dempster, Laird, Rubin, Journal of the Royal Statistical Society B 39, 1977) finds the
 //! shares of the kinds and sigma, as MLESAC does for one share alone (Torr, Zisserman, CVIU 78, 2000, sec. 4). It
-//! uses the distances below 10 pixels:
+//! uses the distances below 10 pixels. The densities are not renormalised to these, which matters only for the wide one
+//! where sigma is large:
 //!
 //! 1. Compute for each match the probabilities to be right, nearly right or wrong, from the current shares and
 //!    sigma.
@@ -32,19 +33,19 @@
 //! | - | at most twice as many as right | tuned on these: 1/4 to 2; with 4, noise of 2 pixels is taken for 0.5 |
 //! | - | 20 matches of 0.5 pixels | tuned on these and KITTI, without nearly right ones: 3 to 100, 0.4 to 0.7 |
 //! | - | distances below 10 pixels | 6 does as well |
-//! | sigma | 0.1 to 3.2 pixels | a keypoint is not more exact, a right match not less |
+//! | sigma | 0.1 to 3.2 pixels | no keypoint is located better; matches that deviate more are not called right |
 
 /// Distances above this carry no information, in pixels.
 const REACH_PX: f64 = 10.0;
 /// How much wider the distribution of nearly right matches is, and the largest number of them per right match.
-const WIDER: f64 = 5.0;
+const NEARLY_RIGHT_SIGMAS: f64 = 5.0;
 const MOST_NEARLY_RIGHT: f64 = 2.0;
 /// A prior, as if this many matches had been seen, and their standard deviation in pixels.
 const PRIOR_MATCHES: f64 = 20.0;
 const PRIOR_PX: f64 = 0.5;
 /// Smallest and largest sigma in pixels.
-const LEAST_PX: f64 = 0.1;
-const LARGEST_PX: f64 = 3.2;
+const MIN_PX: f64 = 0.1;
+const MAX_PX: f64 = 3.2;
 /// Rounds of expectation maximisation, without and with nearly right matches.
 const ROUNDS_OF_TWO: usize = 15;
 const ROUNDS_OF_THREE: usize = 30;
@@ -69,7 +70,7 @@ pub(super) fn noise_scale(squared_distances_px: impl Iterator<Item = f64>) -> f6
     } else {
         wide
     };
-    likelier.variance.sqrt().clamp(LEAST_PX, LARGEST_PX)
+    likelier.variance.sqrt().clamp(MIN_PX, MAX_PX)
 }
 
 /// The mixture of which the distances are drawn.
@@ -91,7 +92,8 @@ impl Mixture {
         let half_normal = |squared: f64| libm::exp(-0.5 * squared / self.variance);
         [
             self.right * at_zero * half_normal(squared),
-            self.nearly_right * at_zero / WIDER * half_normal(squared / (WIDER * WIDER)),
+            self.nearly_right * at_zero / NEARLY_RIGHT_SIGMAS
+                * half_normal(squared / (NEARLY_RIGHT_SIGMAS * NEARLY_RIGHT_SIGMAS)),
             (1.0 - self.right - self.nearly_right) / REACH_PX,
         ]
     }
@@ -105,7 +107,7 @@ impl Mixture {
                 let density = a + b + c;
                 right += a / density;
                 nearly_right += b / density;
-                sum += (a + b / (WIDER * WIDER)) / density * squared;
+                sum += (a + b / (NEARLY_RIGHT_SIGMAS * NEARLY_RIGHT_SIGMAS)) / density * squared;
             }
             self.variance = (sum + PRIOR_MATCHES * PRIOR_PX * PRIOR_PX)
                 / (right + nearly_right + PRIOR_MATCHES);
@@ -175,8 +177,8 @@ mod tests {
 
     #[test]
     fn exact_matches_and_hopeless_ones_stay_within_the_limits() {
-        assert!((noise_scale(std::iter::repeat_n(0.0, 9000)) - LEAST_PX).abs() < 1e-12);
+        assert!((noise_scale(std::iter::repeat_n(0.0, 9000)) - MIN_PX).abs() < 1e-12);
         let far = noise_scale(std::iter::repeat_n(99.0, 9000));
-        assert!(far <= LARGEST_PX, "{far}");
+        assert!(far <= MAX_PX, "{far}");
     }
 }

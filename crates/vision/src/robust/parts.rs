@@ -99,8 +99,8 @@ impl Score {
     }
 
     /// The final refinement takes the matches within this multiple of the squared threshold. A tight threshold
-    /// leaves out some right matches, so matches beyond it are taken too; a threshold of five standard deviations
-    /// does not.
+    /// leaves out some right matches, so matches beyond it are taken too; a threshold of five standard deviations leaves out
+    /// none, so there the factor is 1.
     pub(super) fn reach(&self) -> f64 {
         match self {
             Self::EvenMarginal { .. } => 1.0,

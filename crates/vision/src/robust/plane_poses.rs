@@ -19,7 +19,7 @@
 //! | --- | --- | --- | --- |
 //! | | `ON_THE_PLANE` | 0.5 of the inliers | tuned: 0.3 does as well, with 0.7 half of the gain is lost |
 //! | | `SAMPLES` | 50 at most | ours: where half are on the plane, 96 % sure |
-//! | | `WIDER` | 4 | as for fundamental matrices |
+//! | | `SQUARED_SLACK` | 4 | as for fundamental matrices |
 
 use nalgebra::Matrix3;
 
@@ -29,7 +29,7 @@ use crate::seed::Rng;
 
 const ON_THE_PLANE: f64 = 0.5;
 const SAMPLES: usize = 50;
-const WIDER: f64 = 4.0;
+const SQUARED_SLACK: f64 = 4.0;
 
 /// If at least half of these matches, which agree with one pose, lie on a plane: the essential matrices that
 /// this plane allows. Otherwise none.
@@ -43,7 +43,7 @@ pub(super) fn plane_poses(
         one_side: true,
     };
     let score = Msac {
-        squared_threshold: WIDER * squared_threshold,
+        squared_threshold: SQUARED_SLACK * squared_threshold,
     };
     let found = consensus_until(
         &problem,

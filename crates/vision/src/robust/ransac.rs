@@ -13,8 +13,8 @@
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
-//! | p | `confidence` | 0.999 | the paper's protocol |
-//! | | `threshold_px` | 1.0 | the paper's protocol |
+//! | p | `confidence` | 0.999 | the protocol of MatchBench (Bian et al.) |
+//! | | `threshold_px` | 1.0 | the same |
 //! | | `max_iterations` | 1000 | OpenCV 4's `findEssentialMat` |
 //! | | `max_depth` | 50 | OpenCV 4's `recoverPose` |
 //!
@@ -22,10 +22,10 @@
 //! K)` without a mask compute; pixels become depth-1 units by the mean of the focal lengths of both
 //! cameras, as there. *Differences*: the samples are drawn by another generator, so results agree in
 //! distribution only; the solver keeps solutions that OpenCV's polynomial roots miss, and refuses
-//! degenerate samples; a pose that no match supports is [`NoPose`].
+//! degenerate samples; a pose that no match supports is [`NoModel`].
 
 use super::{
-    ConsensusParams, EssentialProblem, Extras, InlierCount, NoPose, PoseEstimate, PoseEstimator,
+    ConsensusParams, EssentialProblem, Extras, InlierCount, NoModel, PoseEstimate, PoseEstimator,
     Problem, TwoViews, Uniform, consensus_until,
 };
 use crate::geometry::choose_pose;
@@ -35,6 +35,7 @@ use crate::seed::Seed;
 /// Parameters of [`Ransac`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RansacParams {
     /// Required probability that at least one sample is free of wrong matches, in `[0, 1)`.
@@ -101,7 +102,7 @@ impl Ransac {
 }
 
 impl PoseEstimator for Ransac {
-    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
+    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoModel> {
         self.estimate_until(views, seed, &|_| false)
     }
 
@@ -110,11 +111,11 @@ impl PoseEstimator for Ransac {
         views: TwoViews<'_>,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
-    ) -> Result<PoseEstimate, NoPose> {
+    ) -> Result<PoseEstimate, NoModel> {
         let pairs = views.at_depth_1();
         let needed = EssentialProblem::SAMPLE;
         if pairs.len() < needed {
-            return Err(NoPose::TooFewMatches {
+            return Err(NoModel::TooFewMatches {
                 found: pairs.len(),
                 needed,
             });
@@ -138,7 +139,7 @@ impl PoseEstimator for Ransac {
             &mut seed.rng(),
             stop,
         )
-        .ok_or(NoPose::NoSupport { found: 0, needed })?;
+        .ok_or(NoModel::NoSupport { found: 0, needed })?;
         match choose_pose(&found.model, &pairs, self.params.max_depth) {
             Some((b_from_a, support)) if support > 0 => Ok(PoseEstimate {
                 b_from_a,
@@ -146,7 +147,7 @@ impl PoseEstimator for Ransac {
                 support,
                 iterations: found.samples,
             }),
-            _ => Err(NoPose::NoSupport {
+            _ => Err(NoModel::NoSupport {
                 found: 0,
                 needed: 1,
             }),
@@ -204,7 +205,7 @@ mod tests {
             .unzip()
     }
 
-    fn estimate(matches: &Matches, seed: u64) -> Result<PoseEstimate, NoPose> {
+    fn estimate(matches: &Matches, seed: u64) -> Result<PoseEstimate, NoModel> {
         let views = TwoViews {
             points: &points(matches),
             camera_a: &CAMERA_A,
@@ -264,7 +265,7 @@ mod tests {
             [0, 1, 2, 3, 4]
         );
         let four = (a[..4].to_vec(), b[..4].to_vec());
-        let too_few = |found| Err(NoPose::TooFewMatches { found, needed: 5 });
+        let too_few = |found| Err(NoModel::TooFewMatches { found, needed: 5 });
         assert_eq!(estimate(&four, 1), too_few(4));
         assert_eq!(estimate(&Matches::default(), 1), too_few(0));
     }
@@ -281,7 +282,7 @@ mod tests {
             .collect();
         let nan = vec![Point2::new(f64::NAN, 1.0); 50];
         let far = vec![Point2::new(f64::INFINITY, -f64::INFINITY); 50];
-        let none = Err(NoPose::NoSupport {
+        let none = Err(NoModel::NoSupport {
             found: 0,
             needed: 5,
         });

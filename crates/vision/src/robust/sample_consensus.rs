@@ -54,7 +54,7 @@ use super::consensus::inliers_within;
 use super::grid::FAR_AT_DEPTH_1;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
-    Consensus, EssentialProblem, FundamentalProblem, NoPose, PoseEstimate, PoseEstimator, Problem,
+    Consensus, EssentialProblem, FundamentalProblem, NoModel, PoseEstimate, PoseEstimator, Problem,
     TwoViews,
 };
 use crate::geometry::{
@@ -150,7 +150,7 @@ impl SampleConsensus {
 }
 
 impl PoseEstimator for SampleConsensus {
-    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoPose> {
+    fn estimate(&self, views: TwoViews<'_>, seed: Seed) -> Result<PoseEstimate, NoModel> {
         self.estimate_until(views, seed, &|_| false)
     }
 
@@ -159,7 +159,7 @@ impl PoseEstimator for SampleConsensus {
         views: TwoViews<'_>,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
-    ) -> Result<PoseEstimate, NoPose> {
+    ) -> Result<PoseEstimate, NoModel> {
         let order = seed.child("order");
         let (given, needed) = match self.params.geometry {
             Geometry::Essential {
@@ -175,14 +175,14 @@ impl PoseEstimator for SampleConsensus {
         let matches = Shuffled::new(&given, views.points, self.params.score, order);
         let pairs = &matches.pairs;
         if pairs.len() < needed {
-            return Err(NoPose::TooFewMatches {
+            return Err(NoModel::TooFewMatches {
                 found: pairs.len(),
                 needed,
             });
         }
         let found = self
             .search(&matches, views.mean_focal(), seed, stop)
-            .ok_or(NoPose::NoSupport { found: 0, needed })?;
+            .ok_or(NoModel::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, pairs);
         let agreeing = pairs.chosen(&inliers);
@@ -192,7 +192,7 @@ impl PoseEstimator for SampleConsensus {
             _ => match choose_pose(&model, pairs, self.params.max_depth) {
                 Some((pose, support)) if support > 0 => pose,
                 _ => {
-                    return Err(NoPose::NoSupport {
+                    return Err(NoModel::NoSupport {
                         found: 0,
                         needed: 1,
                     });

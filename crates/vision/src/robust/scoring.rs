@@ -56,7 +56,7 @@ impl Scoring for InlierCount {
 
 /// MSAC: an inlier counts more the nearer it is, `sum max(0, 1 - r^2 / t^2)` (Torr, Zisserman, "MLESAC: A New
 /// Robust Estimator with Application to Estimating Image Geometry", Computer Vision and Image Understanding 78,
-/// 2000, eq. 17, as a quality and not as a cost).
+/// 2000, sec. 4, as a quality and not as a cost).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Msac {
     /// t^2: an inlier is a datum whose squared residual is at most this.

@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 
 use super::consensus::judged;
 use super::even_weights::EvenWeights;
-use super::grid::{MOST_CELLS, span};
+use super::grid::{MAX_CELLS, span};
 use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::turns::trust;
@@ -20,7 +20,7 @@ use crate::geometry::{MatchedPoints, PointPairs};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
-/// The parts.
+/// The score, the sampler and the limits of one search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Search {
     pub(super) score: Score,
@@ -43,7 +43,7 @@ impl Search {
         }
         if let Some(cells) = self.score.cells() {
             ParamError::unless(
-                (1..=MOST_CELLS).contains(&cells),
+                (1..=MAX_CELLS).contains(&cells),
                 "score_cells",
                 cells,
                 "1 to 1000",
@@ -55,7 +55,7 @@ impl Search {
                 ParamError::unless(horizon > 0, "prosac_horizon", horizon, "at least 1")?;
             }
             Sampler::Spread { cells } => {
-                let allowed = (1..=MOST_CELLS).contains(&cells);
+                let allowed = (1..=MAX_CELLS).contains(&cells);
                 ParamError::unless(allowed, "cells", cells, "1 to 1000")?;
             }
         }
@@ -172,10 +172,7 @@ impl Task<'_> {
     where
         P: Problem<Model = Matrix3<f64>>,
     {
-        let squared = |threshold_px: f64| {
-            let threshold = threshold_px / self.pixels;
-            threshold * threshold
-        };
+        let squared = |threshold_px| self.squared_threshold(threshold_px);
         let pairs = &self.matches.pairs;
         let weights =
             |cells| EvenWeights::new(pairs, cells, self.far, self.matches.trust.as_deref());
@@ -205,53 +202,9 @@ impl Task<'_> {
                 ..
             } => {
                 let guess = EvenMarginal::weighing(weights(cells), squared(threshold_px));
-                if noise_iterations == 0 {
-                    return self.sampled(problem, &guess, sprt);
-                }
-                let first = self.first(noise_iterations).sampled(problem, &guess, sprt);
-                let drawn = first
-                    .as_ref()
-                    .map_or(noise_iterations, |first| first.samples);
-                let score = match &first {
-                    Some(first) => {
-                        let sigma = self.noise_px(problem, &first.model);
-                        guess.at(squared(SIGMAS * sigma))
-                    }
-                    None => guess,
-                };
-                // The number of samples after which the caller ended the search.
-                let ended = Cell::new(None);
-                let stop = |samples| {
-                    let stops = (self.stop)(drawn + samples);
-                    if stops {
-                        ended.set(Some(drawn + samples));
-                    }
-                    stops
-                };
-                let rest = Task {
-                    stop: &stop,
-                    ..*self
-                };
-                let found = rest.sampled(problem, &score, sprt);
-                let found = found.map(|found| Consensus {
-                    samples: drawn + found.samples,
-                    ..found
-                });
-                // The same where the search has no more samples than told the noise.
-                let most = self.search.max_iterations;
-                let few = (most <= noise_iterations).then_some(drawn + most);
-                let (Some(first), Some(samples)) = (first, ended.get().or(few)) else {
-                    return found;
-                };
-                // There may have been no time for a better model than the one that told the noise.
-                let first = judged(problem, &score, first.model, samples);
-                let quality = |found: &Option<Consensus<P::Model>>| {
-                    (found.as_ref()).map_or(f64::NEG_INFINITY, |found| found.support.quality)
-                };
-                if quality(&first) > quality(&found) {
-                    first
-                } else {
-                    found
+                match noise_iterations {
+                    0 => self.sampled(problem, &guess, sprt),
+                    _ => self.sampled_for_noise(problem, guess, noise_iterations, sprt),
                 }
             }
             Score::Magsac { threshold_px, sprt } => {
@@ -265,6 +218,71 @@ impl Task<'_> {
                 self.sampled(problem, &score, false)
             }
             Score::Lmeds => self.sampled(problem, &MedianOfSquares { sample: P::SAMPLE }, false),
+        }
+    }
+
+    /// The square of a threshold in pixels, in the unit of the points.
+    fn squared_threshold(&self, threshold_px: f64) -> f64 {
+        let threshold = threshold_px / self.pixels;
+        threshold * threshold
+    }
+
+    /// Two searches. The first draws `noise_iterations` samples and scores them by a `guess` of the noise; its best model
+    /// tells the noise of the pair, by which the second scores.
+    fn sampled_for_noise<P>(
+        &self,
+        problem: &P,
+        guess: EvenMarginal,
+        noise_iterations: usize,
+        sprt: bool,
+    ) -> Option<Consensus<Matrix3<f64>>>
+    where
+        P: Problem<Model = Matrix3<f64>>,
+    {
+        let first = self.first(noise_iterations).sampled(problem, &guess, sprt);
+        let drawn = first
+            .as_ref()
+            .map_or(noise_iterations, |first| first.samples);
+        let score = match &first {
+            Some(first) => {
+                let sigma = self.noise_px(problem, &first.model);
+                guess.at(self.squared_threshold(SIGMAS * sigma))
+            }
+            None => guess,
+        };
+        // The number of samples after which the caller ended the search.
+        let ended = Cell::new(None);
+        let stop = |samples| {
+            let stops = (self.stop)(drawn + samples);
+            if stops {
+                ended.set(Some(drawn + samples));
+            }
+            stops
+        };
+        let rest = Task {
+            stop: &stop,
+            ..*self
+        };
+        let found = rest.sampled(problem, &score, sprt);
+        let found = found.map(|found| Consensus {
+            samples: drawn + found.samples,
+            ..found
+        });
+        // So too if the second search has no more samples than the first.
+        let most = self.search.max_iterations;
+        let few = (most <= noise_iterations).then_some(drawn + most);
+        let (Some(first), Some(samples)) = (first, ended.get().or(few)) else {
+            return found;
+        };
+        // Then the model of the first search may be the better one, so both are scored alike.
+        let first = judged(problem, &score, first.model, samples);
+        let quality = |found: &Option<Consensus<P::Model>>| {
+            (found.as_ref()).map_or(f64::NEG_INFINITY, |found| found.support.quality)
+        };
+        if quality(&first) > quality(&found) {
+            first
+        } else {
+            found
         }
     }
 

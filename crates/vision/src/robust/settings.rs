@@ -29,35 +29,47 @@ use crate::params::ParamError;
 
 /// Name of a [`Geometry`](super::Geometry).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
 pub enum GeometryName {
+    /// An essential matrix, from five matches; the calibration is used.
     Essential,
+    /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
     Fundamental,
 }
 
 /// Name of a [`Score`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
 pub enum ScoreName {
+    /// The number of inliers.
     InlierCount,
+    /// An inlier counts more if it is nearer to the model.
     Msac,
+    /// An inlier counts more if it is nearer to the model, and if fewer matches lie around it.
     EvenMsac,
+    /// As `even-msac`, at many noise levels about that of the pair, which is estimated.
     EvenMarginal,
+    /// The loss of a distance, in the mean of all noise levels up to a largest one (MAGSAC++).
     Magsac,
+    /// The likelihood of all distances under a normal distribution (inliers) and a uniform one.
     Mlesac,
+    /// The least median of squared distances, which needs no threshold.
     #[serde(alias = "median")]
     Lmeds,
 }
 
 /// Name of a [`Sampler`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-#[expect(missing_docs, reason = "named as what they choose")]
 pub enum SamplerName {
+    /// All matches are equally likely.
     Uniform,
+    /// The least ambiguous matches first.
     Prosac,
+    /// Sparse parts of the image as often as dense ones.
     Spread,
 }
 
@@ -66,6 +78,7 @@ macro_rules! settings {
         /// Parameters of a [`SampleConsensusParams`](super::SampleConsensusParams) or of
         /// [`HomographyParams`](super::HomographyParams) by flat names; `None` for those that are left out.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
         #[serde(default, deny_unknown_fields)]
         pub struct Settings {
             $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$type>,)*
@@ -99,49 +112,51 @@ macro_rules! settings {
 }
 
 settings! {
-    /// [`SampleConsensusParams::geometry`](super::SampleConsensusParams::geometry).
+    /// The matrix that is estimated.
     geometry: GeometryName = GeometryName::Essential,
-    /// [`SampleConsensusParams::score`](super::SampleConsensusParams::score).
+    /// The score, which says which model is best.
     score: ScoreName = ScoreName::Msac,
-    /// [`SampleConsensusParams::sampler`](super::SampleConsensusParams::sampler).
+    /// The sampler, which says which matches are tried next.
     sampler: SamplerName = SamplerName::Uniform,
-    /// [`EarlyStop::confidence`]; 1 for no early stop.
+    /// Required probability that at least one sample is free of wrong matches, as if samples were drawn uniformly;
+    /// 0 to 1, where 1 means that sampling does not stop early.
     confidence: f64 = 0.999,
-    /// Largest distance of an inlier, in pixels; see [`Score`].
+    /// Largest distance of an inlier, in pixels; only a first guess where the score estimates the noise.
     threshold_px: f64 = 1.0,
-    /// [`Geometry::Essential::cheirality`](super::Geometry::Essential::cheirality).
+    /// Whether scene points must lie in front of both cameras while models are compared.
     cheirality: bool = true,
-    /// [`Geometry::Essential::plane_poses`](super::Geometry::Essential::plane_poses).
+    /// Whether, at the end, the best pose is compared with the two poses that a plane of its inliers allows.
     plane_poses: bool = false,
-    /// [`Geometry::Essential::tangent_sampson`](super::Geometry::Essential::tangent_sampson).
+    /// Whether distances are measured in units of the image where a lens distorts (tangent Sampson distance).
     tangent_sampson: bool = false,
-    /// [`Geometry::Fundamental::degensac`](super::Geometry::Fundamental::degensac).
+    /// Whether a matrix whose sample lies mostly on one plane is replaced by one that also explains matches off the
+    /// plane (DEGENSAC).
     degensac: bool = true,
-    /// Whether bad models are abandoned early; see [`Score`].
+    /// Whether bad models are abandoned early, by a sequential probability ratio test.
     sprt: bool = true,
-    /// [`EarlyStop::min_iterations`].
+    /// Least number of samples.
     min_iterations: usize = 50,
-    /// [`SampleConsensusParams::max_iterations`](super::SampleConsensusParams::max_iterations).
+    /// Largest number of samples, at least 1.
     max_iterations: usize = 1000,
-    /// [`SampleConsensusParams::local_steps`](super::SampleConsensusParams::local_steps).
+    /// Largest number of steps of each local optimisation, 0 to 1000; 0 for none.
     local_steps: usize = 10,
-    /// [`FinalRefinement::loss`].
+    /// The cost of residuals in the refinement of the best model.
     final_loss: Loss = Loss::Truncated,
-    /// [`FinalRefinement::steps`]; 0 for no refinement.
+    /// Largest number of steps of the refinement of the best model, 0 to 1000; 0 for no refinement.
     final_steps: usize = 25,
-    /// [`Sampler::Prosac::horizon`].
+    /// Number of samples after which all matches are equally likely, at least 1.
     prosac_horizon: usize = 200_000,
-    /// [`Sampler::Spread::cells`].
+    /// Cells across and down of the grid over image `a` from which samples are drawn evenly; 1 to 1000.
     cells: u32 = 20,
-    /// [`Score::cells`].
+    /// Cells across and down of the grid that finds crowds of matches; 1 to 1000.
     score_cells: u32 = 10,
-    /// [`Score::turns`].
+    /// Whether matches whose keypoints are turned by another angle than most are trusted less.
     turns: bool = false,
-    /// [`Score::EvenMarginal::noise_iterations`].
+    /// Number of samples that are drawn first to estimate the noise of the pair; with 0 it is not estimated.
     noise_iterations: usize = 100,
-    /// [`SampleConsensusParams::max_depth`](super::SampleConsensusParams::max_depth).
+    /// Scene points farther than this, in baselines, do not support a pose; positive.
     max_depth: f64 = 50.0,
-    /// [`HomographyParams::one_side`](super::HomographyParams::one_side).
+    /// Whether the plane is seen from the same side in both images.
     one_side: bool = true,
 }
 

@@ -22,7 +22,8 @@
 //! | t_M / m_S | `SAMPLE_COST` | 1000 | measured here, five points |
 //! | | `CHANGE` | 5 % | Chum, Matas: delta is revised when it is off by more |
 //!
-//! *Choice*: data come in blocks, so the test is made after each block only; it then errs less often
+//! *Simplified*: the number of samples that are needed is computed with the present A, as if it had been used from the
+//! start. *Choice*: data come in blocks, so the test is made after each block only; it then errs less often
 //! than planned.
 
 const FIRST_EPSILON: f64 = 0.03;

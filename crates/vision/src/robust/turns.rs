@@ -4,14 +4,14 @@
 //! keypoints of an image alike; perspective turns each by some tens of degrees more. So the turns of right matches
 //! lie about one angle, and those of wrong ones anywhere. Jegou, Douze, Schmid, "Hamming Embedding and Weak
 //! Geometric Consistency for Large Scale Image Search", ECCV 2008, section 4, find that angle: it is the maximum of
-//! a histogram of the turns of all matches. They then count only the matches of that bin. Here the histogram says
-//! how likely each match is right, and the search by sample consensus uses this *trust*:
+//! a histogram of the turns of all matches. They then count only the matches of that bin. Here every match gets a
+//! *trust*, which the search by sample consensus uses as a weight:
 //!
 //! 1. The arc of 90 degrees with the most matches is found in a histogram of 5 degrees, and then its mean
 //!    direction.
-//! 2. Nearly all matches farther than 45 degrees from that direction are wrong, and wrong matches are as dense
-//!    within 45 degrees as beyond. So a match within has a trust of 1. A match beyond has the density beyond
-//!    divided by the density within, at most 1. Where all turns are equally frequent, this makes no difference.
+//! 2. A match within 45 degrees of that direction has a trust of 1. A match beyond has the density of matches beyond
+//!    divided by the density within, at most 1. So the more matches share the common turn, the less the others count,
+//!    and if all turns are equally frequent, all count alike. The trust is a weight, not a probability.
 //! 3. The trust multiplies the weight of a match in the score. It also multiplies its certainty (1 - ambiguity), by
 //!    which the most certain matches are tried first.
 //!
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn few_matches_and_equal_ones_are_trusted() {
-        assert_eq!(trust(&[]), []);
+        assert!(trust(&[]).is_empty());
         assert_eq!(trust(&[3.0]), [1.0]);
         assert_eq!(trust(&[-0.5; 9]), [1.0; 9]);
         // Just below 0 the remainder rounds to a whole circle.

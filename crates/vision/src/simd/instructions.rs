@@ -1,9 +1,8 @@
 //! Which instructions the kernels use: the widest that the processor has, or those asked for.
 //!
 //! The environment variable `MATCHBENCH_SIMD` (`portable`, `avx2`, `avx512` or `amx`) asks for one set, so
-//! that versions can be compared on one machine. It and the choice made from it, which is kept for
-//! the life of the process, are all that this package knows beside its arguments. That is no way to
-//! change a result: every version gives the same bits.
+//! that versions can be compared on one machine. The choice is kept for the life of the process. It changes no
+//! result: every version gives the same bits.
 //!
 //! "AVX-512" means what Intel's Ice Lake (2019) and AMD's Zen 4 (2022) brought: the base of x86-64-v4,
 //! products of bytes (VNNI), counts of bits (VPOPCNTDQ) and permutations of bytes (VBMI). Processors that

@@ -15,7 +15,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::arrays::{Array, Element, MOST_SIDES};
+use crate::arrays::{Array, Element, MAX_SIDES};
 use crate::datasets::text::brief;
 
 /// Number of a value in the store.
@@ -73,7 +73,7 @@ impl Pickled {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: BTreeMap::new(),
-            left: bytes.len().saturating_mul(MOST_COPIES),
+            left: bytes.len().saturating_mul(MAX_COPIES),
         };
         loop {
             let at = machine.at;
@@ -121,12 +121,12 @@ struct Machine<'a> {
 }
 
 /// Values that a pickle may have in any case: `None` is a byte there and takes many here. A larger pickle may have
-/// more, which take [`MOST_COPIES`] times its bytes.
-const MOST_VALUES: usize = 1_000_000;
+/// more, which take [`MAX_COPIES`] times its bytes.
+const MAX_VALUES: usize = 1_000_000;
 
 /// How many times as large as the pickle all contents of arrays may be: each is copied once, and a number of a
 /// value, which can be a byte in the pickle, takes eight here.
-const MOST_COPIES: usize = 16;
+const MAX_COPIES: usize = 16;
 
 impl Machine<'_> {
     /// Executes one instruction. Returns the result of the program when it stops.
@@ -295,7 +295,7 @@ impl Machine<'_> {
     }
 
     fn push(&mut self, value: Value) -> Result<(), String> {
-        let most = MOST_VALUES + MOST_COPIES * self.bytes.len() / size_of::<Value>();
+        let most = MAX_VALUES + MAX_COPIES * self.bytes.len() / size_of::<Value>();
         if self.values.len() >= most {
             return Err(format!("it makes more than {most} values"));
         }
@@ -421,7 +421,7 @@ impl Machine<'_> {
                 else {
                     return Err("the state of an array is not known".to_owned());
                 };
-                if sides.len() > MOST_SIDES {
+                if sides.len() > MAX_SIDES {
                     return Err(format!("an array has {} dimensions", sides.len()));
                 }
                 let side = |id: &Id| match self.values[*id] {

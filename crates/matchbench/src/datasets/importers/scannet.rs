@@ -33,7 +33,7 @@ const COLOR: (f64, f64) = (1296.0, 968.0);
 const SMALL: (f64, f64) = (640.0, 480.0);
 
 /// The most pairs of a list, which need many times its bytes if it is compressed.
-const MOST_PAIRS: usize = 1_000_000;
+const MAX_PAIRS: usize = 1_000_000;
 
 /// One row of `name`.
 #[derive(Clone, Copy)]
@@ -62,8 +62,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         );
         return Err(fail(what));
     }
-    if counts.0 > MOST_PAIRS {
-        let what = format!("{} pairs; {MOST_PAIRS} are the most", counts.0);
+    if counts.0 > MAX_PAIRS {
+        let what = format!("{} pairs; {MAX_PAIRS} are the most", counts.0);
         return Err(fail(what));
     }
     let (names, poses) = (names.to_vec(), poses.to_decimals());

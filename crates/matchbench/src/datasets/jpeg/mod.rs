@@ -21,7 +21,7 @@ use scan::{Component, Scan, ScanComponent};
 
 /// Most scans of a file, the same limit as in the decoder: each scan costs time in proportion to the size that
 /// is claimed.
-const MOST_SCANS: usize = 100;
+const MAX_SCANS: usize = 100;
 
 /// Checks that the image is complete, up to its end marker.
 ///
@@ -139,7 +139,7 @@ impl File {
     fn scan(&mut self, segment: &[u8], data: &[u8]) -> Result<usize, JpegError> {
         let none = || damaged("scans");
         self.scans += 1;
-        if self.scans > MOST_SCANS {
+        if self.scans > MAX_SCANS {
             return Err(none());
         }
         let (&count, rest) = segment.split_first().ok_or_else(none)?;

@@ -30,7 +30,7 @@ use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source, bounded};
 use crate::arrays::{Array, Element, Kind};
 use crate::files::open_file;
-use crate::matchers::MOST_MATCHES;
+use crate::matchers::MAX_MATCHES;
 
 pub(super) const COLMAP: Format = Format {
     id: "colmap",
@@ -44,9 +44,9 @@ pub(super) const COLMAP: Format = Format {
 
 const CENTER: f64 = 0.5;
 /// The most bytes of a blob: so many keypoints of six columns as there may be matches.
-const MOST_BLOB: i32 = (6 * 4 * MOST_MATCHES) as i32;
+const MAX_BLOB: i32 = (6 * 4 * MAX_MATCHES) as i32;
 /// COLMAP's factor between the two image ids of a pair.
-const MOST_IMAGES: i64 = 2_147_483_647;
+const MAX_IMAGES: i64 = 2_147_483_647;
 
 fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> {
     let [path] = &probe.files[..] else {
@@ -144,7 +144,7 @@ fn connect(path: &Path, bytes: u64, steps: &Arc<Steps>) -> Result<Connection, Ex
             .map_err(|error| ExchangeError::unreadable(path, error))?;
     // The whole of a blob is in memory, and more than once.
     connection
-        .set_limit(Limit::SQLITE_LIMIT_LENGTH, MOST_BLOB)
+        .set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_BLOB)
         .map_err(|error| ExchangeError::unreadable(path, error))?;
     let (steps, most) = (Arc::clone(steps), FEWEST_STEPS + bytes);
     let is_enough = move || {
@@ -192,7 +192,7 @@ impl Database {
         let sql = format!("SELECT pair_id FROM {} ORDER BY pair_id", self.table);
         self.query(&sql, |row| {
             let id: i64 = row.get(0)?;
-            Ok([id.div_euclid(MOST_IMAGES), id.rem_euclid(MOST_IMAGES)])
+            Ok([id.div_euclid(MAX_IMAGES), id.rem_euclid(MAX_IMAGES)])
         })
     }
 
@@ -255,7 +255,7 @@ impl Source for Database {
         let ids = self.pairs[index];
         let [a, b] = ids.map(|id| self.blob("keypoints", "image_id", id, Kind::Float));
         let (a, b) = (a?, b?);
-        let pair_id = MOST_IMAGES * ids[0] + ids[1];
+        let pair_id = MAX_IMAGES * ids[0] + ids[1];
         let indices = self.blob(self.table, "pair_id", pair_id, Kind::Unsigned)?;
         joined(&a, &b, &indices).map_err(|what| self.damaged(what))
     }

@@ -13,7 +13,7 @@ use rusqlite::{Connection, MAIN_DB, params};
 
 use super::super::export::{Model, TwoView, numbered};
 use super::super::{ExchangeError, Export};
-use super::{CENTER, MOST_IMAGES};
+use super::{CENTER, MAX_IMAGES};
 use crate::files::write_new;
 
 const SCHEMA: &str = "
@@ -125,7 +125,7 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
         // The smaller id comes first.
         let swapped = a > b;
         let (first, second) = if swapped { (b, a) } else { (a, b) };
-        let pair_id = MOST_IMAGES * image_id(first) + image_id(second);
+        let pair_id = MAX_IMAGES * image_id(first) + image_id(second);
         let rows = |kept: &dyn Fn(usize) -> bool| {
             let kept = indices.iter().enumerate().filter(|(row, _)| kept(*row));
             let pairs = kept.map(|(_, &[i, j])| if swapped { [j, i] } else { [i, j] });

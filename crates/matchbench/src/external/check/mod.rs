@@ -16,7 +16,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::seed::Seed;
 
-use points::{EXPLAINS, Known, NEAR, SOUND, mistake, share_near};
+use points::{EXPLAINS, Known, NEAR_PX, SOUND, mistake, share_near};
 
 use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
@@ -257,7 +257,7 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
     let near = share_near(pair, &known, &matched.rows);
     let percent = 100.0 * near;
     let where_they_lie = format!(
-        "{name}: {percent:.0} % of the matches lie within {NEAR} pixels of their true {}",
+        "{name}: {percent:.0} % of the matches lie within {NEAR_PX} pixels of their true {}",
         known.noun()
     );
     if near < EXPLAINS

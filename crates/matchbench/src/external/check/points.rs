@@ -10,11 +10,10 @@ use nalgebra::{Matrix3, Point2};
 use super::CheckPair;
 
 /// Pixels from the true epipolar line or point within which a match may be right.
-pub(super) const NEAR: f64 = 5.0;
-/// Share of matches near these above which the points are what they should be; by chance about one
-/// of fifty is.
+pub(super) const NEAR_PX: f64 = 5.0;
+/// Share of matches within [`NEAR_PX`] from which on the points count as right; of random points about 2 % are.
 pub(super) const SOUND: f64 = 0.2;
-/// Share of them that makes a mistake the explanation, where fewer are near as they are.
+/// Share within [`NEAR_PX`], after a mistake is undone, from which on this mistake is the explanation.
 pub(super) const EXPLAINS: f64 = 0.5;
 /// Long sides of images that learned matchers are often given, in pixels.
 const USUAL_SIZES: [usize; 9] = [320, 480, 512, 640, 840, 1024, 1200, 1280, 1600];
@@ -64,7 +63,7 @@ fn share_of(
 ) -> f64 {
     let near = |row: &&[f32; 5]| {
         let [xa, ya, xb, yb] = change([row[0], row[1], row[2], row[3]].map(f64::from));
-        known.distance(pair, Point2::new(xa, ya), Point2::new(xb, yb)) < NEAR
+        known.distance(pair, Point2::new(xa, ya), Point2::new(xb, yb)) < NEAR_PX
     };
     rows.iter().filter(near).count() as f64 / rows.len().max(1) as f64
 }

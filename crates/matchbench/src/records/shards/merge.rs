@@ -23,7 +23,7 @@ use super::{PairsHash, ShardError, ShardPlan, Stretches};
 use crate::files::WholeFile;
 
 /// Most shards whose files are open at a time: two files each, and systems allow some 256.
-const MOST_OPEN: usize = 64;
+const MAX_OPEN: usize = 64;
 
 /// What was merged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -202,7 +202,8 @@ impl Merging<'_> {
             let shard = shards.open(index);
             for _ in 0..stretch.pairs {
                 let mut pair = None;
-                // Frames are noted as they are extracted; what matches files, notes those that it had matches of.
+                // With an extractor, frames are noted when extracted; a source of matches notes the frames of each
+                // pair that it answered.
                 let mut is_noted = files.matcher.extraction.is_some();
                 for repetition in 0..repetitions {
                     let Some((line, record)) = shard.records.next()? else {
@@ -227,7 +228,7 @@ impl Merging<'_> {
                     if let Some(file) = &mut shard.entries
                         && let Some(entry) = self.entry(index, files.matcher, file, &record)?
                     {
-                        // Whatever broke, there were matches, if only none.
+                        // An entry proves that the source answered, even with no matches.
                         is_noted = true;
                         entries.write(&entry)?;
                     }
@@ -399,7 +400,7 @@ impl Shards {
     /// A shard that may have its files open; the one that was opened first is closed for it.
     fn open(&mut self, index: usize) -> &mut Shard {
         if !self.open.contains(&index) {
-            if self.open.len() == MOST_OPEN
+            if self.open.len() == MAX_OPEN
                 && let Some(first) = self.open.pop_front()
             {
                 self.all[first].close();

@@ -39,7 +39,7 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
                     ratio(right)
                 )
             });
-            let link = (hard.telling)
+            let link = (hard.example)
                 .filter(|pair| !alone && pictured.contains(pair))
                 .map(|(a, b)| format!("pairs/{folder}/{a}-{b}.html"));
             rows.push(context! {
@@ -50,7 +50,7 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
                 inside => ratio(mean(0)),
                 outside => ratio(mean(1)),
                 best,
-                telling => hard.telling.map(|(a, b)| format!("{a} – {b}")),
+                example => hard.example.map(|(a, b)| format!("{a} – {b}")),
                 link,
             });
         }

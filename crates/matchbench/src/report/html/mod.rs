@@ -54,9 +54,9 @@ const ANGLES: [(&str, Angle); 3] = [
 ];
 
 /// Most names of winners that are listed in a sentence.
-const MOST_WINNERS: usize = 4;
+const MAX_WINNERS: usize = 4;
 /// If there are more curves than this, the page first shows only those of one estimator.
-const MOST_CURVES: usize = 12;
+const MAX_CURVES: usize = 12;
 
 /// How much content goes into the page.
 pub(super) struct Extent {
@@ -236,7 +236,7 @@ fn headline(content: &Content, overview: &Overview<'_>, model: Model, of: &str) 
     let most = rivals().map(wins).max().filter(|&n| n > 0)?;
     let winners: Vec<usize> = rivals().filter(|&i| wins(i) == most).collect();
     let labels: Vec<&str> = (winners.iter().map(|&i| &*overview.rows[i].label)).collect();
-    let names = if winners.len() > MOST_WINNERS {
+    let names = if winners.len() > MAX_WINNERS {
         format!("{} of {}", winners.len(), rivals().count())
     } else {
         together(&labels)
@@ -317,7 +317,7 @@ fn presets(overview: &Overview<'_>) -> Option<Value> {
     let reference = estimators.iter().find(|id| **id == REFERENCE);
     let first = reference.or(estimators.first());
     let opening = first
-        .filter(|_| overview.rows.len() > MOST_CURVES)
+        .filter(|_| overview.rows.len() > MAX_CURVES)
         .map(|id| (*id).to_owned());
     Some(
         context! { estimators => estimators.iter().map(|id| Value::from(*id)).collect::<Vec<_>>(), opening },

@@ -19,9 +19,9 @@ use super::super::words::{FAILURES, name, reason};
 use super::Extent;
 
 /// Most pairs of a dataset that have pictures in the page.
-const MOST_PICTURED: usize = 4;
+const MAX_PICTURED: usize = 4;
 /// Most matches of a pair that are drawn.
-const MOST_MATCHES: usize = 80;
+const MAX_MATCHES: usize = 80;
 
 /// What the script reads.
 #[derive(Serialize)]
@@ -256,19 +256,19 @@ impl Listed<'_> {
             if !pages.contains(&at) {
                 pages.push(at);
             }
-            let embedded = pages.len() <= MOST_PICTURED && images.bytes <= end;
+            let embedded = pages.len() <= MAX_PICTURED && images.bytes <= end;
             let method = (self.methods.iter())
                 .position(|m| m.matcher == view.matcher && m.estimator == view.estimator);
             let (true, Some(method)) = (embedded, method) else {
                 continue;
             };
             let caption = format!("frames {} and {}", view.frames.0, view.frames.1);
-            let drawing = pair(Target::Page, view, &caption, MOST_MATCHES);
+            let drawing = pair(Target::Page, view, &caption, MAX_MATCHES);
             images.bytes += drawing.len();
             let picture = Picture {
                 images: view.images.each_ref().map(|image| images.index(image)),
                 sizes: view.images.each_ref().map(|image| image.original),
-                drawn: view.matches.len().min(MOST_MATCHES),
+                drawn: view.matches.len().min(MAX_MATCHES),
                 matches: view.tally.matches,
                 agree: view.tally.agree,
                 by_distance: view.tally.by_distance,

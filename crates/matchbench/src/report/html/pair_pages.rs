@@ -21,7 +21,7 @@ use super::warp::warp;
 use super::{environment, template};
 
 /// Most matches of a pair that are drawn.
-const MOST_MATCHES: usize = 120;
+const MAX_MATCHES: usize = 120;
 
 /// Every file with its path in the folder of the report.
 pub(in super::super) fn pair_pages(
@@ -134,13 +134,13 @@ pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Va
             context! { frame, width => format!("{width:.3}") }
         })
         .collect();
-    let drawing = pair(Target::Page, view, "matches", MOST_MATCHES);
+    let drawing = pair(Target::Page, view, "matches", MAX_MATCHES);
     context! {
         label,
         words,
         images,
         drawing => Value::from_safe_string(drawing),
-        counts => counts(view.model, &view.tally, view.matches.len().min(MOST_MATCHES)),
+        counts => counts(view.model, &view.tally, view.matches.len().min(MAX_MATCHES)),
         warp => warp(view),
     }
 }

@@ -3,7 +3,7 @@
 
 use minijinja::{Value, context};
 
-use crate::metrics::LEAST_FOR_CURVE;
+use crate::metrics::MIN_FOR_CURVE;
 
 use super::super::content::Content;
 use super::super::figures::{reliabilities, reliability_figure};
@@ -27,10 +27,10 @@ pub(super) fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Value> 
             let few = match few.len() {
                 0 => None,
                 all if all == lines.len() => Some(format!(
-                    "No curves: no method has {LEAST_FOR_CURVE} poses or more."
+                    "No curves: no method has {MIN_FOR_CURVE} poses or more."
                 )),
                 _ => Some(format!(
-                    "No curve, for want of {LEAST_FOR_CURVE} poses: {}.",
+                    "No curve, for want of {MIN_FOR_CURVE} poses: {}.",
                     few.join(", ")
                 )),
             };

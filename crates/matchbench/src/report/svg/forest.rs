@@ -26,8 +26,8 @@ pub(in super::super) struct Rival<'a> {
     pub(in super::super) behind: Difference,
 }
 
-/// The best are several where they are equal. One line per rival: a dot and its interval over the difference to the best. If the difference is not
-/// significant, the dot is hollow and the line pale.
+/// One line per rival: a dot and its interval, over the difference to the best method (several if they are equal). If the
+/// difference is not significant, the dot is hollow and the line pale.
 pub(in super::super) fn forest(
     target: Target,
     title: &str,

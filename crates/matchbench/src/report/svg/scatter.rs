@@ -16,7 +16,7 @@ const BOTTOM: f64 = 40.0;
 /// Room between the outermost ticks and the edge of the plot, so that no mark is on it.
 const PAD: f64 = 14.0;
 /// The axis of the AUC spans at least this, since smaller differences look large on it.
-const LEAST_SPAN: f64 = 0.1;
+const MIN_SPAN: f64 = 0.1;
 
 /// One matcher in the figure.
 pub(in super::super) struct Dot<'a> {
@@ -154,7 +154,7 @@ fn round_times(seconds: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
 }
 
 /// Lower end, upper end and step of the axis of the AUC. It starts at 0, unless all values lie close together,
-/// and then spans at least [`LEAST_SPAN`].
+/// and then spans at least [`MIN_SPAN`].
 fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     let ends = |(dot, auc): &(&Dot<'_>, f64)| match dot.auc.interval {
         Some(interval) => (interval.low, interval.high),
@@ -163,9 +163,9 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
     let high = (dots.iter().map(|dot| ends(dot).1)).fold(0.0, f64::max);
     let low = (dots.iter().map(|dot| ends(dot).0)).fold(high, f64::min);
     if low > high / 2.0 {
-        let missing = (LEAST_SPAN - (high - low)).max(0.0);
+        let missing = (MIN_SPAN - (high - low)).max(0.0);
         let high = (high + missing / 2.0).min(high.max(1.0));
-        let low = low.min(high - LEAST_SPAN).max(0.0);
+        let low = low.min(high - MIN_SPAN).max(0.0);
         let (step, _) = axis(high - low);
         let bottom = (low / step + 1e-9).floor() * step;
         let end = (high / step - 1e-9).ceil() * step;

@@ -13,7 +13,7 @@ fn counting(file: &[u8]) -> Result<GrayImage, String> {
 #[test]
 fn matchers_that_use_pixels_are_given_them_and_images_are_decoded_once() {
     let toy = Toy {
-        by_pixels: true,
+        uses_pixels: true,
         ..Toy::default()
     };
     let bench = Bench::new(vec![toy.contender("pixels", &["first"])]);

@@ -36,7 +36,7 @@ pub(in crate::features) const MIDDLE: usize = 22;
 /// Pixels of a side.
 const SIDE: usize = 2 * MIDDLE + 1;
 /// Samples for a pixel of the patch along an axis are no more than this.
-const MOST_SAMPLES: f32 = 64.0;
+const MAX_SAMPLES: f32 = 64.0;
 /// What bilinear interpolation adds to the square of the blur, in squared pixels: the mean of `t (1 - t)` over all
 /// places between two pixels.
 const INTERPOLATION: f32 = 1.0 / 6.0;
@@ -122,7 +122,7 @@ impl Axis {
     fn new(length: f32, sigma: f32) -> Self {
         let pixel = length / SCALE;
         // At a distance of its own blur a layer is sampled without loss.
-        let samples = (pixel / sigma).ceil().clamp(1.0, MOST_SAMPLES);
+        let samples = (pixel / sigma).ceil().clamp(1.0, MAX_SAMPLES);
         let squared = (sigma * sigma + INTERPOLATION) / (length * length);
         let missing = samples * SCALE * (1.0 - squared).max(0.0).sqrt();
         let kernel = GaussianKernel::with_radius(

@@ -19,8 +19,8 @@
 //! | --- | --- | --- | --- |
 //! | - | `WINDOW` | 3 scales | VLFeat's |
 //! | epsilon | `ROUND` | 0.95 | Mikolajczyk and Schmid: 0.05 |
-//! | - | `MOST_STEPS` | 16 | VLFeat's 15, and the test of the last |
-//! | - | `MOST_ASPECT` | 6 | Mikolajczyk and Schmid |
+//! | - | `MAX_STEPS` | 16 | VLFeat's 15, and the test of the last |
+//! | - | `MAX_ASPECT` | 6 | Mikolajczyk and Schmid |
 //!
 //! *Differs from the papers*: neither the place nor the scale of a keypoint is searched again; VLFeat and
 //! COLMAP do not do so either. They keep the shorter axis of the ellipse. Here the area is kept, since the area
@@ -39,9 +39,9 @@ const RADIUS: usize = (3.0 * WINDOW * SCALE) as usize;
 /// Least ratio of the eigenvalues of what counts as round.
 const ROUND: f64 = 0.95;
 /// How often an ellipse is measured.
-const MOST_STEPS: usize = 16;
+const MAX_STEPS: usize = 16;
 /// Longest axis in shorter ones.
-const MOST_ASPECT: f32 = 6.0;
+const MAX_ASPECT: f32 = 6.0;
 
 /// Finds the ellipses of keypoints.
 pub(in crate::features) struct AffineShape {
@@ -72,12 +72,12 @@ impl AffineShape {
         patch: &mut AffinePatch,
     ) -> Option<Ellipse> {
         let mut ellipse = Ellipse::circle(scale);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let moments = self.moments(patch.take(octaves, at, &ellipse)?);
             if is_round(&moments) {
                 return Some(ellipse);
             }
-            ellipse = (ellipse.adapted(moments)).filter(|it| it.aspect() <= MOST_ASPECT)?;
+            ellipse = (ellipse.adapted(moments)).filter(|it| it.aspect() <= MAX_ASPECT)?;
         }
         None
     }

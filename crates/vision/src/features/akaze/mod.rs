@@ -50,7 +50,7 @@ use candidates::{Candidate, Candidates};
 use descriptor::{BITS, Described, Orientations, describe};
 
 /// Bytes for each pixel of the image, measured: levels with their derivatives.
-const BYTES_A_PIXEL: usize = 28;
+const BYTES_PER_PIXEL: usize = 28;
 
 /// Blur of the first level.
 const SIGMA: f32 = 1.6;
@@ -74,6 +74,7 @@ const SMALLEST: Size = Size::new(80, 40);
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AkazeParams {
     /// Least determinant of the Hessian, normalised for scale, for grey values in 0..=1.
     pub threshold: f32,
@@ -338,7 +339,7 @@ impl Detector for Akaze {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Extractor::kind(self))
     }
 }
 
@@ -358,7 +359,7 @@ impl Extractor for Akaze {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

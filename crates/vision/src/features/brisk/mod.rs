@@ -43,7 +43,7 @@ use layers::ScaleLayers;
 use pattern::{BITS, Pattern, Sampler};
 
 /// Bytes for each pixel of the image, measured: layers, their scores and the integral image.
-const BYTES_A_PIXEL: usize = 8;
+const BYTES_PER_PIXEL: usize = 8;
 
 /// Size of a keypoint at scale 1, in pixels.
 const BASIC_SIZE: f32 = 12.0;
@@ -55,6 +55,7 @@ const BASIC_SIZE: f32 = 12.0;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BriskParams {
     /// Least FAST score, in grey levels; above 0.
     pub threshold: u8,
@@ -142,7 +143,7 @@ impl Extractor for Brisk {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

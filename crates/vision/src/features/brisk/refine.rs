@@ -79,7 +79,8 @@ pub(super) struct ScaleFit {
     factor: f32,
 }
 
-/// Around the first layer, whose layer below is guessed at 2/3 of its scale.
+/// Around the first layer. As in OpenCV, the guessed layer below is taken at half its scale (2/3 in the paper), and the
+/// maximum is sought from 0.7 on.
 pub(super) const FIRST: ScaleFit = ScaleFit {
     range: [0.7, 1.5],
     weights: [[2, -4, 2], [-5, 8, -3], [3, -3, 1]],

@@ -47,7 +47,7 @@ use columns::Columns;
 use row_weights::RowWeights;
 
 /// Bytes for each pixel of the image, measured: blurred gradients of a few columns.
-const BYTES_A_PIXEL: usize = 12;
+const BYTES_PER_PIXEL: usize = 12;
 
 /// Directions of a histogram.
 const DIRECTIONS: usize = 8;
@@ -67,6 +67,7 @@ const BAND: usize = 192;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DaisyParams {
     /// Radius of the outermost ring in pixels, 1 to 100.
     pub radius: f64,
@@ -211,7 +212,7 @@ impl Describer for Daisy {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

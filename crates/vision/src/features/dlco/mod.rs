@@ -45,7 +45,7 @@ use crate::simd::{DIRECTIONS, VECTORS_AT_ONCE, project};
 use crate::tables::DLCO;
 
 /// Bytes for each pixel of the image, measured: the octaves that patches are taken from.
-const BYTES_A_PIXEL: usize = 5;
+const BYTES_PER_PIXEL: usize = 5;
 
 /// Width and height of the described patch.
 pub const SIDE: usize = 64;
@@ -59,6 +59,7 @@ const INNER: usize = SIDE - 2;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DlcoParams {
     /// Number of values, 1 to as many as the table has.
     pub dimensions: usize,
@@ -192,7 +193,7 @@ impl Describer for Dlco {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

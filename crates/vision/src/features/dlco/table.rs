@@ -7,7 +7,7 @@ use crate::params::ParamError;
 const MAGIC: &[u8; 4] = b"DLC1";
 
 /// Least standard deviation of a region, in pixels: those of much smaller ones have no pixel with a weight.
-const LEAST_SIGMA: f32 = 0.1;
+const MIN_SIGMA: f32 = 0.1;
 
 /// Rings of pooling regions and a projection of what is pooled in them.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +56,7 @@ impl DlcoTable {
         let fits = |count: usize| (1..=usize::from(u16::MAX)).contains(&count);
         let sound = |ring: &Ring| {
             let is_finite = ring.turn.is_finite() && ring.sigma.is_finite();
-            is_finite && ring.sigma >= LEAST_SIGMA && (0.0..=64.0).contains(&ring.radius)
+            is_finite && ring.sigma >= MIN_SIGMA && (0.0..=64.0).contains(&ring.radius)
         };
         let whole =
             |row: &Vec<f32>| row.len() == columns && row.iter().all(|value| value.is_finite());

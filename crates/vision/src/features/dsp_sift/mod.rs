@@ -43,23 +43,24 @@ use super::affine::{AffinePatch, AffineShape, BlurredOctaves, Ellipse, MIDDLE, S
 use super::keypoint::angle_of;
 use super::rootsift::with_roots;
 use super::sift::{
-    BYTES_A_PLACE, LENGTH, Orientations, PatchDescriber, Sift, SiftParams, normalized,
+    BYTES_PER_PLACE, LENGTH, Orientations, PatchDescriber, Sift, SiftParams, normalized,
 };
 use super::{
     DescriptorKind, Descriptors, Detections, Extractor, Features, FloatRows, Keypoint,
-    PIXELS_A_FEATURE, Unshared,
+    PIXELS_PER_FEATURE, Unshared,
 };
 use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
 
 /// Bytes for each pixel of the image besides those of SIFT: sums of descriptors and where they are made.
-const BYTES_A_PIXEL: usize = 8;
+const BYTES_PER_PIXEL: usize = 8;
 /// Bytes for each pixel of all octaves of the doubled image.
 const BYTES_A_PIXEL_OF_OCTAVES: usize = 22;
 
 /// Parameters of [`DspSift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct DspSiftParams {
     /// The detector.
@@ -281,8 +282,8 @@ impl Extractor for DspSift {
         } else {
             0
         };
-        let places = size.area() / PIXELS_A_FEATURE * self.params.domains * BYTES_A_PLACE;
-        Extractor::memory(&self.sift, size) + size.area() * (BYTES_A_PIXEL + octaves) + places
+        let places = size.area() / PIXELS_PER_FEATURE * self.params.domains * BYTES_PER_PLACE;
+        Extractor::memory(&self.sift, size) + size.area() * (BYTES_PER_PIXEL + octaves) + places
     }
 }
 

@@ -51,7 +51,7 @@ use descriptor::{Gradients, LENGTH};
 use extrema::{Maximum, Strongest, find_maxima};
 
 /// Bytes for each pixel of the image, measured: four levels with their derivatives.
-const BYTES_A_PIXEL: usize = 50;
+const BYTES_PER_PIXEL: usize = 50;
 
 /// Blur of the first level.
 const SIGMA: f32 = 1.6;
@@ -69,6 +69,7 @@ const MARGIN: f32 = 3.0;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct KazeParams {
     /// Least determinant of the Hessian, normalised for scale, for grey values in 0..=1.
     pub threshold: f32,
@@ -302,7 +303,7 @@ impl Detector for Kaze {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Extractor::kind(self))
     }
 }
 
@@ -322,7 +323,7 @@ impl Extractor for Kaze {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

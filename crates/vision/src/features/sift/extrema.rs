@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point2, Vector3};
 
-use super::{MOST_SCALES, SiftParams};
+use super::{MAX_SCALES, SiftParams};
 use crate::image::{RowBuffer, Strip};
 use crate::simd::{ThreeRows, find_extrema_of_differences};
 
@@ -15,7 +15,7 @@ pub(super) const WANDERING: usize = 8;
 /// Pixels to each side that the search and its fits look at.
 pub(super) const REACH: usize = WANDERING;
 /// Layers of an octave that has the most scales.
-const MOST_LAYERS: usize = MOST_SCALES + 3;
+const MAX_LAYERS: usize = MAX_SCALES + 3;
 /// Thresholds are for grey values in 0..=1, images are in 0..=255.
 const GREY: f32 = 1.0 / 255.0;
 
@@ -70,7 +70,7 @@ impl<'a> ExtremumFinder<'a> {
         // All rows from one column of the image on, the same multiple of a cache line as their buffers.
         let first = (start - 1) / 16 * 16;
         let layers = strip.layers();
-        let mut rows: [ThreeRows<'_>; MOST_LAYERS] = [[&[]; 3]; MOST_LAYERS];
+        let mut rows: [ThreeRows<'_>; MAX_LAYERS] = [[&[]; 3]; MAX_LAYERS];
         for (rows, layer) in rows.iter_mut().zip(layers) {
             let skipped = first - layer.columns().start;
             *rows = [y - 1, y, y + 1].map(|y| &layer.row(y)[skipped..]);

@@ -44,6 +44,7 @@ mod places;
 
 use nalgebra::Point2;
 
+use super::strongest;
 use super::{
     Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
     memory_of,
@@ -55,17 +56,18 @@ use passes::Detection;
 
 pub(super) use descriptor::{LENGTH, PatchDescriber, normalized};
 pub(super) use orientation::Orientations;
-pub(super) use places::BYTES_A_PLACE;
+pub(super) use places::BYTES_PER_PLACE;
 
 /// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
-const BYTES_A_PIXEL: usize = 6;
+const BYTES_PER_PIXEL: usize = 6;
 
 /// Scales that an octave may have.
-const MOST_SCALES: usize = 16;
+const MAX_SCALES: usize = 16;
 
 /// Parameters of [`Sift`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SiftParams {
     /// Keep the keypoints of strongest response, at most this many.
@@ -124,7 +126,7 @@ impl Sift {
             ..
         } = params;
         ParamError::unless(
-            (1..=MOST_SCALES).contains(&octave_layers),
+            (1..=MAX_SCALES).contains(&octave_layers),
             "octave_layers",
             octave_layers,
             "1 to 16",
@@ -230,7 +232,7 @@ impl Detector for Sift {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Extractor::kind(self))
     }
 }
 
@@ -259,7 +261,7 @@ impl Describer for Sift {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Describer::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Describer::kind(self))
     }
 }
 
@@ -276,7 +278,7 @@ impl Extractor for Sift {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Extractor::kind(self))
     }
 }
 
@@ -309,12 +311,8 @@ fn sorted_order(keypoints: &[Keypoint]) -> Vec<usize> {
 /// Removes all but the `limit` strongest from `order`, earlier ones first among equals, without
 /// reordering.
 fn keep_strongest(keypoints: &[Keypoint], order: &mut Vec<usize>, limit: usize) {
-    let response = |&place: &usize| keypoints[order[place]].response;
-    let mut places: Vec<usize> = (0..order.len()).collect();
-    places.sort_by(|a, b| response(b).total_cmp(&response(a)));
-    places.truncate(limit);
-    places.sort_unstable();
-    *order = places.into_iter().map(|place| order[place]).collect();
+    let kept = strongest(order.len(), limit, |place| keypoints[order[place]].response);
+    *order = kept.into_iter().map(|place| order[place]).collect();
 }
 
 #[cfg(test)]

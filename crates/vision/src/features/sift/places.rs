@@ -65,7 +65,7 @@ struct Site {
 }
 
 /// Bytes that are kept of a keypoint meanwhile.
-pub(in crate::features) const BYTES_A_PLACE: usize = size_of::<Site>();
+pub(in crate::features) const BYTES_PER_PLACE: usize = size_of::<Site>();
 
 impl<F: FnMut(Place<'_>)> Places<F> {
     fn new(

@@ -11,8 +11,8 @@ use crate::simd::{
 /// Standard deviation of the weights of derivatives, in scales.
 const DEVIATION: f32 = 3.3;
 /// Most samples along a side of the turned square; larger ones are read from a halved image.
-const MOST_SAMPLES: usize = 88;
-const _: () = assert!(MOST_SAMPLES <= WINDOW_SIDE);
+const MAX_SAMPLES: usize = 88;
+const _: () = assert!(MAX_SAMPLES <= WINDOW_SIDE);
 
 /// Describes the keypoints of one image.
 pub(super) struct Describer<'a> {
@@ -37,7 +37,7 @@ impl<'a> Describer<'a> {
             halved: Vec::new(),
             window: PackedWindow::new(),
             weights,
-            shares: vec![None; MOST_SAMPLES + 1],
+            shares: vec![None; MAX_SAMPLES + 1],
         }
     }
 
@@ -45,7 +45,7 @@ impl<'a> Describer<'a> {
     pub(super) fn describe(&mut self, keypoint: &Keypoint, extended: bool, values: &mut Vec<f32>) {
         let side = (PATCH_SIDE as f32 * (keypoint.size * SCALE)) as usize;
         let mut level = 0;
-        while side >> level > MOST_SAMPLES {
+        while side >> level > MAX_SAMPLES {
             level += 1;
         }
         while self.halved.len() < level {

@@ -58,7 +58,7 @@ use descriptor::Describer;
 use orientation::Orientation;
 
 /// Bytes for each pixel of the image, measured: the integral image and an octave.
-const BYTES_A_PIXEL: usize = 7;
+const BYTES_PER_PIXEL: usize = 7;
 
 /// Standard deviation of the Gaussian that a filter of side 1 stands for: 1.2 for side 9.
 const SCALE: f32 = 1.2 / 9.0;
@@ -70,6 +70,7 @@ const SCALE: f32 = 1.2 / 9.0;
     derive(serde::Serialize, serde::Deserialize),
     serde(default, deny_unknown_fields)
 )]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SurfParams {
     /// Least determinant of the Hessian, for grey values of 0 to 255; at least 0.
     pub threshold: f32,
@@ -153,7 +154,7 @@ impl Detector for Surf {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, Extractor::kind(self))
+        memory_of(size, BYTES_PER_PIXEL, Extractor::kind(self))
     }
 }
 
@@ -180,7 +181,7 @@ impl Extractor for Surf {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_A_PIXEL, self.kind())
+        memory_of(size, BYTES_PER_PIXEL, self.kind())
     }
 }
 

@@ -12,8 +12,8 @@
 //!    matches determine it, pairs of the clearest are drawn first, and always the same number of them.
 //! 4. There is no threshold in pixels. Suppose that all N matches except the sample were wrong and spread
 //!    evenly over the neighbourhood, whose radius is 1. Then N r^2 of them would come within r of where the
-//!    map says. So the k nearest matches are inliers, for the largest k with k / (N r_k^2) >= t_c: t_c times
-//!    as many as chance brings.
+//!    map says. So the k nearest matches are inliers, for the largest k with k / (N r_k^2) >= t_c, where r_k is
+//!    the residual of the k-th nearest match: t_c times as many as chance brings.
 //! 5. The map with most inliers is fitted to them, and they are chosen again. If they are fewer than t_n more
 //!    than chance brings, the neighbourhood is dropped. A match that any neighbourhood keeps is kept.
 //!
@@ -63,6 +63,7 @@ use neighbourhood::Neighbourhood;
 /// Parameters of [`Adalam`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct AdalamParams {
     /// Area of an image divided by that of the circle in which a seed is the clearest match.

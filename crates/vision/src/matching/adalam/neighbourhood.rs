@@ -13,7 +13,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::{AdalamParams, Candidate};
 
 /// Two matches determine a map if the sine of the angle between them in image a exceeds about this.
-const LEAST_ANGLE: f64 = 1e-4;
+const MIN_ANGLE: f64 = 1e-4;
 
 /// The matches around a seed, the clearest first.
 pub(super) struct Neighbourhood {
@@ -99,7 +99,7 @@ impl Neighbourhood {
         let a = Matrix2::from_columns(&[self.at_a(i), self.at_a(j)]);
         let b = Matrix2::from_columns(&[self.at_b(i), self.at_b(j)]);
         let determinant = a.determinant();
-        let determined = determinant.abs() > LEAST_ANGLE * a.norm_squared();
+        let determined = determinant.abs() > MIN_ANGLE * a.norm_squared();
         determined.then(|| b * adjugate(&a) / determinant)
     }
 
@@ -113,7 +113,7 @@ impl Neighbourhood {
         }
         let determinant = normal.determinant();
         let trace = normal.trace();
-        let determined = determinant > LEAST_ANGLE * LEAST_ANGLE * trace * trace;
+        let determined = determinant > MIN_ANGLE * MIN_ANGLE * trace * trace;
         determined.then(|| moment * adjugate(&normal) / determinant)
     }
 

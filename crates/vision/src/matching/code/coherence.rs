@@ -14,7 +14,7 @@ const MOTION_CENTRES: usize = 60;
 /// A seed is verified if its likelihood is above this.
 const VERIFIED: f64 = 0.5;
 /// Number of matches that determine an affine motion.
-const LEAST_VERIFIED: usize = 3;
+const MIN_VERIFIED: usize = 3;
 
 /// Matches in the form that the learned functions take.
 pub(in crate::matching) struct Motions {
@@ -69,7 +69,7 @@ impl Coherence {
             .map(|(&i, &point)| (point, motions.places_b[i]))
             .collect();
         // With fewer matches the ridge would still give a motion; with none at all, one to the middle of b.
-        if verified.len() < LEAST_VERIFIED {
+        if verified.len() < MIN_VERIFIED {
             return None;
         }
         let motion_centres: Vec<Point> = (verified.iter().map(|&(point, _)| point))
@@ -147,7 +147,7 @@ fn learn_motion(
         .map(|(point, to)| (affine_row(point, centres), [to.x, to.y]))
         .unzip();
     let count = 3 * (centres.len() + 1);
-    // The affine motion that all matches share has no penalty.
+    // The affine motion that all matches share has next to no penalty: enough that the system stays regular.
     let penalty = DMatrix::from_fn(count, count, |i, j| match (i == j, i < 3) {
         (false, _) => 0.0,
         (true, true) => 1e-9,

@@ -46,6 +46,7 @@ use crate::seed::Seed;
 /// Parameters of [`Code`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CodeParams {
     /// Largest ratio of nearest to second nearest distance of a seed, in `(0, 1]`.

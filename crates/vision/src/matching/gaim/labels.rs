@@ -7,18 +7,19 @@
 use nalgebra::Matrix2;
 
 use super::super::{Correspondence, Correspondences, Search, two_nearest};
-use crate::features::Features;
+use crate::features::{Features, strongest};
 use crate::params::ParamError;
 
 /// Largest number of features in a block, and least number of blocks per label if there are that many features.
 const BLOCK: usize = 16;
 const BLOCKS_PER_LABEL: usize = 16;
 /// Most candidates per feature.
-const MOST_LABELS: usize = 10_000;
+const MAX_LABELS: usize = 10_000;
 
 /// Search for several candidates per feature, for features that were found without simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CandidateLabels {
     /// Largest number of features of the first image, those with the strongest response; at least 1.
@@ -50,7 +51,7 @@ impl CandidateLabels {
     /// Refuses parameters out of range.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         ParamError::unless(self.nodes >= 1, "nodes", self.nodes, "at least 1")?;
-        let allowed = (1..=MOST_LABELS).contains(&self.labels);
+        let allowed = (1..=MAX_LABELS).contains(&self.labels);
         ParamError::unless(allowed, "labels", self.labels, "1 to 10000")?;
         let fine = self.apart_px >= 0.0 && self.apart_px.is_finite();
         ParamError::unless(fine, "apart_px", self.apart_px, "at least 0")
@@ -111,12 +112,10 @@ impl CandidateLabels {
             let [xx, xy, yx, yy] = features.frame(index);
             is_circle([xx / across, xy / across, yx / down, yy / down])
         };
-        let mut nodes: Vec<usize> = (0..features.len()).filter(is_unsimulated).collect();
-        let response = |&index: &usize| features.keypoints[index].response;
-        nodes.sort_by(|i, j| response(j).total_cmp(&response(i)));
-        nodes.truncate(self.nodes);
-        nodes.sort_unstable();
-        nodes
+        let found: Vec<usize> = (0..features.len()).filter(is_unsimulated).collect();
+        let response = |place: usize| features.keypoints[found[place]].response;
+        let kept = strongest(found.len(), self.nodes, response);
+        kept.into_iter().map(|place| found[place]).collect()
     }
 }
 

@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn no_nodes_have_no_cut() {
+    fn an_empty_network_does_not_panic() {
         Network::default().cut();
     }
 }

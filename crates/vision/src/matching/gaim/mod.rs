@@ -57,6 +57,7 @@ use labels::pixel;
 /// Parameters of [`Gaim`]. A pixel here is a thousandth of the diagonal of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct GaimParams {
     /// Nodes and their candidates, for both directions.
@@ -165,11 +166,11 @@ impl Gaim {
             back[m.a as usize] = Some(a.keypoints[m.b as usize].at);
         }
         let radius = (self.params.consistency_px * pixel(a)) as f32;
-        let mut consistent = (matches.iter().zip(&founders)).map(|(m, &founder)| {
+        let consistent = (matches.iter().zip(&founders)).map(|(m, &founder)| {
             let back: Option<nalgebra::Point2<f32>> = back[matches[founder].b as usize];
             back.is_some_and(|back| (back - a.keypoints[m.a as usize].at).norm() < radius)
         });
-        let consistent: Vec<bool> = consistent.by_ref().collect();
+        let consistent: Vec<bool> = consistent.collect();
         retain_masked(matches, &consistent);
         matches.sort_by_key(|m| m.a);
     }

@@ -25,8 +25,8 @@
 //! | gamma | `inlier_rate` | 0.04 | the authors' program |
 //! | | `min_length_px` | 10 | the authors' program |
 //! | | `max_neighbours` | 20 | the authors' program |
-//! | K | `least_neighbours` | 3 | the paper's title |
-//! | | `least_share` | 0.3 | the authors' program, where another share is meant |
+//! | K | `least_neighbours` | 3 | the authors' program |
+//! | | `least_share` | 0.3 | the authors' program, which applies it to another share |
 //!
 //! *Choices the paper leaves open*: matches are compared in the order of their ratio of nearest to
 //! second nearest distance, the clearest first. The geometric error of a pair is the mean over the
@@ -61,6 +61,7 @@ use consistency::{Graph, Lines, Placed};
 /// Parameters of [`Kvld`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct KvldParams {
     /// Largest error when one match is predicted by another, relative to their distance.
@@ -168,7 +169,7 @@ impl Selector for Kvld {
         let placed: Vec<Placed> = (order.iter())
             .map(|&i| Placed::new(a.features, b.features, &matches[i]))
             .collect();
-        let asked = "`by_pixels` says that images are needed";
+        let asked = "`uses_pixels` says that images are needed";
         let lines = Lines::new(a.image.expect(asked), b.image.expect(asked));
         let decided = self.decide(&placed, &lines);
         let mut kept = vec![false; matches.len()];
@@ -178,7 +179,7 @@ impl Selector for Kvld {
         retain_masked(matches, &kept);
     }
 
-    fn by_pixels(&self) -> bool {
+    fn uses_pixels(&self) -> bool {
         true
     }
 }

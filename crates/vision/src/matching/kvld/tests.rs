@@ -172,14 +172,14 @@ fn of_matches_at_one_place_one_stays() {
 
 #[test]
 fn few_broken_and_crowded_matches_are_no_trouble() {
-    assert_eq!(kept(&[]), []);
-    assert_eq!(kept(&keypoints(1, 0)), []);
+    assert!(kept(&[]).is_empty());
+    assert!(kept(&keypoints(1, 0)).is_empty());
     let nowhere = keypoint(Point2::new(f32::NAN, f32::INFINITY), f32::NAN, f32::NAN);
     let zero = keypoint(Point2::new(3.0, 4.0), 0.0, 0.0);
     let mut pairs = keypoints(50, 0);
     pairs.extend([(nowhere, nowhere), (zero, zero), (nowhere, zero)]);
     assert!(kept(&pairs).iter().all(|&i| i < 50));
-    assert_eq!(kept(&vec![(zero, zero); 50_000]), []);
+    assert!(kept(&vec![(zero, zero); 50_000]).is_empty());
 }
 
 #[test]

@@ -44,11 +44,14 @@ const FARTHEST: f64 = 0.35 * ALIGNED_REACH as f64;
 /// How much larger or smaller the map may make an area than the keypoints say.
 const AREAS: f64 = 3.0;
 
+/// By how much the map may grow until it leaves the pixels that are looked at.
+const ROOM: f64 = 1.2;
+
 /// Least correlation of the two windows.
 const CORRELATION: f32 = 0.8;
 
-/// The place of `b` that shows what is at the place of `a`, where the keypoints say that it is about at the place of `b` and
-/// that the linear map takes its neighbourhood there. `None` where this cannot be told better.
+/// The point of image `b` that corresponds to `at_a`, refined from `at_b`. `b_from_a` is the linear map between their
+/// neighbourhoods, according to the keypoints. `None` if the refinement fails.
 pub(super) fn aligned(
     weights: &Weights,
     [image_a, image_b]: [&GrayImage; 2],
@@ -66,7 +69,7 @@ pub(super) fn aligned(
     let first = b_from_a * apart[0];
     let reach = first.row_iter().map(|row| row.abs().sum());
     // Room for the map to grow and the middle to move.
-    let reach = 1.2 * ALIGNED_REACH as f64 * reach.fold(0.0, f64::max) + FARTHEST * apart[1];
+    let reach = ROOM * ALIGNED_REACH as f64 * reach.fold(0.0, f64::max) + FARTHEST * apart[1];
     if reach > LARGEST {
         return None;
     }

@@ -44,6 +44,7 @@ use crate::seed::Seed;
 /// Parameters of [`RepMatch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RepMatchParams {
     /// Parameters of the functions and of the first selection.
@@ -55,6 +56,7 @@ pub struct RepMatchParams {
     pub likelihood: f64,
     /// Parameters of the estimator that finds the pose of the kept matches.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "pose_over_default"))]
+    #[cfg_attr(feature = "schema", schemars(with = "crate::robust::Settings"))]
     pub pose: SampleConsensusParams,
     /// Largest Sampson distance from the epipolar lines, relative to the diagonals of the images;
     /// positive.

@@ -145,7 +145,7 @@ fn few_or_broken_matches_are_no_trouble() {
         Descriptors::empty(DescriptorKind::Float { dim: 1 }),
     );
     let scene = (none.clone(), none, Vec::new());
-    assert_eq!(selected(RepMatchParams::default(), &scene), []);
+    assert!(selected(RepMatchParams::default(), &scene).is_empty());
 }
 
 #[test]

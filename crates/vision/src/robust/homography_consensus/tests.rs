@@ -88,10 +88,10 @@ fn what_determines_nothing_has_none() {
             let points: Vec<_> = (0..40).map(place).collect();
             let points = MatchedPoints::new(points.clone(), points, vec![0.5; 40]);
             let found = estimator.estimate(&points, Seed(1));
-            assert!(matches!(found, Err(NoPose::NoSupport { .. })), "{found:?}");
+            assert!(matches!(found, Err(NoModel::NoSupport { .. })), "{found:?}");
         }
         let few = estimator.estimate(&matches(3, 0, 0.0, 1), Seed(1));
-        let reason = NoPose::TooFewMatches {
+        let reason = NoModel::TooFewMatches {
             found: 3,
             needed: 4,
         };
@@ -111,7 +111,7 @@ fn a_reflection_is_refused_where_it_is_known_to_be_none() {
         .expect("a mirror is a homography");
     assert!(found.b_from_a.determinant() < 0.0 && found.inliers.len() == 50);
     let found = one_side.estimate(&points, Seed(1));
-    assert!(found.is_err_and(|none| matches!(none, NoPose::NoSupport { .. })));
+    assert!(found.is_err_and(|none| matches!(none, NoModel::NoSupport { .. })));
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn the_same_seed_gives_the_same_bits() {
         let found = estimator.estimate(&points, Seed(7));
         assert_eq!(found, estimator.estimate(&points, Seed(7)));
         let stopped = estimator.estimate_until(&points, Seed(7), &|_| true);
-        let nothing = NoPose::NoSupport {
+        let nothing = NoModel::NoSupport {
             found: 0,
             needed: 4,
         };

@@ -57,7 +57,7 @@ fn estimate(
     params: SampleConsensusParams,
     (a, b): &Matches,
     seed: u64,
-) -> Result<PoseEstimate, NoPose> {
+) -> Result<PoseEstimate, NoModel> {
     let views = TwoViews {
         points: &MatchedPoints::new(a.clone(), b.clone(), vec![0.5; a.len()]),
         camera_a: &CAMERA,
@@ -105,7 +105,7 @@ fn every_combination() -> impl Iterator<Item = SampleConsensusParams> {
     })
 }
 
-fn degrees(found: &Result<PoseEstimate, NoPose>) -> f64 {
+fn degrees(found: &Result<PoseEstimate, NoModel>) -> f64 {
     let found = found.as_ref().expect("a pose");
     found.b_from_a.error(&truth()).max().to_degrees()
 }
@@ -231,7 +231,7 @@ fn degenerate_matches_do_no_harm() {
             let found = estimate(params, &(points.clone(), points.clone()), 1);
             if points.len() < 5 {
                 let found_few = points.len();
-                let too_few = NoPose::TooFewMatches {
+                let too_few = NoModel::TooFewMatches {
                     found: found_few,
                     needed: 5,
                 };

@@ -19,7 +19,7 @@ use crate::simd::sixteen::{LANES, from_lane, load, load_or_zero, store};
 const BLOCK: usize = 4;
 
 /// The largest radius for which [`weigh_symmetric`] works.
-pub(super) const LARGEST_RADIUS: usize = LANES;
+pub(super) const MAX_RADIUS: usize = LANES;
 
 /// The first `R` rows of `out`, in blocks of `V` vectors; returns `R`. `AHEAD` prefetches the next columns.
 ///
@@ -104,11 +104,11 @@ fn rows_block<const R: usize, const V: usize, const FULL: bool, const AHEAD: boo
 /// As the kernel of that name.
 ///
 /// # Panics
-/// Also if there are more than `2 LARGEST_RADIUS + 1` taps.
+/// Also if there are more than `2 MAX_RADIUS + 1` taps.
 #[target_feature(enable = "avx512f")]
 pub(super) fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
     assert!(
-        taps.len() / 2 <= LARGEST_RADIUS,
+        taps.len() / 2 <= MAX_RADIUS,
         "a kernel that two vectors hold"
     );
     let width = out.len();
@@ -139,7 +139,7 @@ fn symmetric_block<const V: usize, const FULL: bool>(
     let middles = load::<V, FULL>(padded, x + radius);
     let beyond = load_or_zero(padded, x + radius + V * LANES);
     let mut sums = [_mm512_setzero_ps(); V];
-    // Up to LARGEST_RADIUS.
+    // Up to MAX_RADIUS.
     macro_rules! add_pairs {
         ($($distance:literal)*) => {$(
             if $distance <= radius {

@@ -75,9 +75,7 @@ pub fn weigh_symmetric(padded: &[f32], taps: &[f32], out: &mut [f32]) {
         "padding for the taps"
     );
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() >= InstructionSet::Avx512
-        && taps.len() / 2 <= avx512::LARGEST_RADIUS
-    {
+    if InstructionSet::in_use() >= InstructionSet::Avx512 && taps.len() / 2 <= avx512::MAX_RADIUS {
         // SAFETY: what is in use was detected on this processor.
         return unsafe { avx512::weigh_symmetric(padded, taps, out) };
     }

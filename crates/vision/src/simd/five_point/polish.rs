@@ -167,7 +167,7 @@ fn back_substitute<V: Lanes>(rows: &[Row<V>; 3], z: V, samples: &[usize; LANES])
     [null[0], null[1], z * null[2], null[2]]
 }
 
-/// What is perpendicular to three vectors of one plane: the cross product of the two that are least parallel.
+/// The vector that is perpendicular to three vectors of one plane: the longest of their three cross products.
 #[inline(always)]
 fn null_vector<V: Lanes>([k, l, m]: &[[V; 3]; 3]) -> [V; 3] {
     let mut null = cross(k, l);

@@ -52,7 +52,7 @@ pub(super) use self::candidates::{Kept, most_bytes};
 pub(super) const WORTH: usize = 40_000;
 
 /// Ratios above this are searched for as if there were none. It was not measured from where on skipping pays.
-const MOST_RATIO: f32 = 0.9;
+const MAX_RATIO: f32 = 0.9;
 
 /// For each row of `a` the rows of `b` that may be nearest, in ascending order, where bytes help to find these. Among
 /// them are all that are, by the definition, at most as far as the farther of any two that are `apart`: without it of any
@@ -100,7 +100,7 @@ pub(super) fn two_nearest(
         }
     }
     let wanted = match ratio {
-        Some(ratio) if ratio <= MOST_RATIO => Wanted::Below(ratio),
+        Some(ratio) if ratio <= MAX_RATIO => Wanted::Below(ratio),
         _ => Wanted::Near(None),
     };
     found([a, b], dim, &candidates, wanted)

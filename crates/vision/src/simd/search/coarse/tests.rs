@@ -324,7 +324,7 @@ fn for_a_ratio_test_few_are_looked_at_and_the_same_are_kept() {
                     counts[kind] += 1;
                 };
                 find(&a, &b, dim, is_large, Wanted::Below(ratio), kind);
-                if has_avx2_and_fma() && ratio <= MOST_RATIO {
+                if has_avx2_and_fma() && ratio <= MAX_RATIO {
                     let name = set.name();
                     assert!(counts.iter().all(|&count| count > 20), "{counts:?}, {name}");
                 }
