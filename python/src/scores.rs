@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use matchbench::metrics::{Bootstrap, SCORES, Summary, load_run};
+use matchbench::metrics::{SCORES, Summary, load_run};
 use matchbench::records::RunFolder;
 use matchbench::report::{Content, ReportOptions, RunFacts, of_run, verdicts};
 use numpy::PyArray1;
@@ -21,11 +21,7 @@ pub(crate) fn evaluate(
     let content = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let sets = load_run(&run, None).map_err(error)?;
-        Ok::<_, PyErr>(Content::new(
-            sets,
-            &Bootstrap::default(),
-            RunFacts::default(),
-        ))
+        Ok::<_, PyErr>(Content::new(sets, RunFacts::default()))
     })??;
     let columns = PyDict::new(py);
     let rows = &content.summaries;

@@ -4,6 +4,7 @@
 mod common;
 mod steps;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -72,17 +73,41 @@ fn matchers_with_an_estimator_of_their_own_are_named() {
     }
 }
 
+/// A name without the numbers and the end of an interval in it, which stand for all of their kind.
+fn kind_of(column: &str) -> String {
+    let score = (column.strip_suffix("_low")).or_else(|| column.strip_suffix("_high"));
+    let score = score.map_or(column, |_| "auc_low");
+    score.chars().filter(|c| !c.is_ascii_digit()).collect()
+}
+
 #[test]
-fn the_columns_of_the_table_of_pairs_are_listed_in_order() {
+fn the_columns_of_the_tables_are_listed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     dataset(folder, "wall", 2);
     let run = ["run", "wall", "--matchers", "orb", "--out", "run"];
     succeeds(folder, &[&run[..], &["--report"]].concat());
-    let table = fs::read_to_string(folder.join("run/report/tables/pairs.csv"));
-    let table = table.expect("it was written");
-    let heads = table.lines().next().expect("a line of heads").split(',');
+    let heads = |name: &str| -> Vec<String> {
+        let table = fs::read_to_string(folder.join("run/report/tables").join(name));
+        let table = table.expect("it was written");
+        let heads = table.lines().next().expect("a line of heads").split(',');
+        heads.map(str::to_owned).collect()
+    };
     let text = page("formats.md");
+    let rows = text.split("stands for all of its kind:").nth(1);
+    let rows = rows.and_then(|rest| rest.split("\n\n").nth(1));
+    let first_cells =
+        (rows.expect("the table is there").lines()).filter_map(|row| row.split('|').nth(1));
+    let listed: BTreeSet<String> = first_cells
+        .flat_map(|cell| cell.split('`').skip(1).step_by(2))
+        .map(kind_of)
+        .collect();
+    let written: BTreeSet<String> = heads("scores.csv")
+        .iter()
+        .map(|head| kind_of(head))
+        .collect();
+    assert_eq!(listed, written);
+
     let listed = text.split("matcher, estimator and repetition: ").nth(1);
     let listed = listed.and_then(|rest| rest.split("\n\n").next());
     let words = listed
@@ -90,5 +115,5 @@ fn the_columns_of_the_table_of_pairs_are_listed_in_order() {
         .split('`')
         .skip(1)
         .step_by(2);
-    assert_eq!(words.collect::<Vec<_>>(), heads.collect::<Vec<_>>());
+    assert_eq!(words.collect::<Vec<_>>(), heads("pairs.csv"));
 }

@@ -14,7 +14,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use matchbench::matchers::{BuiltMatcher, Extraction};
-use matchbench::metrics::{Bootstrap, Summary, load};
+use matchbench::metrics::{Summary, load};
 use matchbench::report::{Format, render};
 use matchbench::run::{Cancel, Contender, Dataset, Run, Silent};
 use matchbench::{estimators, matchers};
@@ -126,8 +126,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn table(folder: &Path) -> Result<String, Box<dyn Error>> {
     let sets = load(folder, None)?;
-    let scores: Vec<Summary> = (sets.iter())
-        .map(|set| Summary::new(set, &Bootstrap::default()))
-        .collect();
+    let scores: Vec<Summary> = (sets.iter()).map(|set| Summary::new(set)).collect();
     Ok(render(Format::Table, &scores))
 }

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use matchbench::datasets::rendered;
-//! use matchbench::metrics::{Bootstrap, Summary, load};
+//! use matchbench::metrics::{Summary, load};
 //! use matchbench::report::{Format, render};
 //! use matchbench::run::{Cancel, Contender, Dataset, Run, Silent};
 //!
@@ -27,7 +27,7 @@
 //! assert!(summary.is_complete());
 //!
 //! let results = load(&out, None)?;
-//! let scores: Vec<Summary> = results.iter().map(|set| Summary::new(set, &Bootstrap::default())).collect();
+//! let scores: Vec<Summary> = results.iter().map(|set| Summary::new(set)).collect();
 //! println!("{}", render(Format::Table, &scores));
 //! # assert!(render(Format::Table, &scores).contains("orb"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

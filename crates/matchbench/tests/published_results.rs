@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use matchbench::metrics::{Bootstrap, Failure, ResultSet, Summary, exact_auc, load, load_errors};
+use matchbench::metrics::{Failure, ResultSet, Summary, exact_auc, load, load_errors};
 
 /// The paper's AUC table for the matchers whose per-pair results are at hand, and two rows with
 /// other estimators of essential matrices. LATCH on 05 is 0.349 in the paper; the published
@@ -57,15 +57,11 @@ fn published_results_give_the_published_table() {
     let reference = PathBuf::from(reference.expect("MATCHBENCH_REFERENCE names a folder"));
     let sets = load(&reference.join("Results"), Some(&reference.join("Dataset")))
         .expect("published results are readable");
-    let bootstrap = Bootstrap {
-        resamples: 0,
-        ..Bootstrap::default()
-    };
     let summaries: BTreeMap<(String, String), Summary> = (sets.iter())
         .map(|set| {
             (
                 (set.matcher.clone(), set.dataset[..2].to_owned()),
-                Summary::new(set, &bootstrap),
+                Summary::new(set),
             )
         })
         .collect();
@@ -171,7 +167,7 @@ fn excerpt_gives_what_is_written_out_here() {
     let sets = excerpt.load().expect("both files are in order");
     assert_eq!(sets[1].estimator, "lmeds-e");
     assert_eq!((&*sets[0].matcher, &*sets[0].estimator), ("sift", ""));
-    let summary = Summary::new(&sets[0], &Bootstrap::default());
+    let summary = Summary::new(&sets[0]);
 
     //  pair  estimated rotation   translation                        e      passes k =
     //  0 1   3.5 degrees about z  (1, 0, 0), true (1, 0, 0)          3.5    4 ... 15: 12
@@ -263,7 +259,7 @@ fn an_empty_file_is_a_matcher_that_always_fails() {
     let sets = Excerpt::new(PAIRS, &[("sift", "\n")])
         .load()
         .expect("no bad line");
-    let summary = Summary::new(&sets[0], &Bootstrap::default());
+    let summary = Summary::new(&sets[0]);
     assert_eq!(
         (summary.auc().value, summary.failures.missing),
         (Some(0.0), 6)

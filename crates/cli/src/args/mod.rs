@@ -193,7 +193,6 @@ mod tests {
 
     #[test]
     fn commands_that_a_report_prints_are_understood() {
-        use matchbench::metrics::Bootstrap;
         use matchbench::report::{Content, DatasetFacts, RunFacts, bundled, write_report};
         let folder = tempfile::tempdir().expect("a temporary folder");
         let plan = include_str!("../../tests/plans/every_origin.json");
@@ -212,7 +211,7 @@ mod tests {
                 2,
             ),
         ] {
-            let mut content = Content::new(Vec::new(), &Bootstrap::default(), facts);
+            let mut content = Content::new(Vec::new(), facts);
             content.datasets.push(DatasetFacts {
                 name: "it's; rm x".into(),
                 portion: matchbench::metrics::Portion::Other,

@@ -163,7 +163,7 @@ pub(crate) struct LeaderboardArgs {
 #[command(after_help = "\
 For each matcher with each estimator on each dataset that both runs have, on the pairs that both
 have: the AUC before and after, the change with its paired 95 % interval (both runs see the same
-resampled images, so the interval is that of the change), the pairs gained and lost at 5 degrees,
+pairs, so the interval is that of the change), the pairs gained and lost at 5 degrees,
 and a verdict in words: better, worse, not certain, or the same.
 
 With --matchers two methods are compared instead, of one run or the first of BEFORE with the

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Bootstrap, Comparison, Difference, ResultSet, compare, load, load_each};
+use matchbench::metrics::{Comparison, Difference, ResultSet, compare, load, load_each};
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, fixed, signed, write_differences};
 
@@ -33,11 +33,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         args.before.display(),
         after.display()
     );
-    let bootstrap = Bootstrap::default();
     let rows: Vec<Row<'_>> = (matches.into_iter())
         .map(|[before, after]| Row {
             sets: [before, after],
-            comparison: compare(before, after, &bootstrap),
+            comparison: compare(before, after),
         })
         .collect();
     let runs = [&args.before, after];
@@ -341,9 +340,9 @@ fn table(rows: &[Row<'_>]) -> String {
         let _ = writeln!(text, "{}", cells.join("  ").trim_end());
     }
     text.push_str(
-        "\nchange: of the AUC, on the pairs that both runs have, with the paired interval (reference \
-         images resampled);\nbetter and worse: the interval leaves out 0, and so does a paired t test over \
-         reference images (5 %, at least 6 of them);\ngained and lost: pairs below 5 degrees after but not before, and the \
+        "\nchange: of the AUC, on the pairs that both runs have, with the paired 95 % interval (pairs that \
+         share an image are not independent);\nbetter and worse: the interval leaves out 0 (there is none below 6 images \
+         that are in several pairs);\ngained and lost: pairs below 5 degrees after but not before, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
          3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
     );

@@ -8,7 +8,7 @@ use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    Bootstrap, PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
+    PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
 };
 use matchbench::protocols;
 use matchbench::records::{Plan, RunFolder};
@@ -178,7 +178,7 @@ fn table(sets: Vec<ResultSet>) -> String {
 }
 
 fn content(sets: Vec<ResultSet>) -> Content {
-    Content::new(sets, &Bootstrap::default(), RunFacts::default())
+    Content::new(sets, RunFacts::default())
 }
 
 impl From<FormatArg> for Format {

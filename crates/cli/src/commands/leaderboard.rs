@@ -46,11 +46,17 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
 fn print(board: &Leaderboard, page: &Path) -> Result<()> {
     let mut out = stdout();
     for group in &board.groups {
-        let best = &group.rows[0];
-        let auc = best.summary.auc_of(Angle::Pose).value;
+        let firsts = group.rows.iter().filter(|row| row.rank == 1);
+        let mut firsts: Vec<&str> = firsts.map(|row| &*row.label).collect();
+        let auc = group.rows[0].summary.auc_of(Angle::Pose).value;
+        let last = firsts.pop().unwrap_or(&group.rows[0].label);
+        let who = match &firsts[..] {
+            [] => format!("{last} is the first"),
+            others => format!("{} and {last} share the first place", others.join(", ")),
+        };
         writeln!(
             out,
-            "{}{}, {}, {}: {} is the first of {}, AUC {}",
+            "{}{}, {}, {}: {who} of {}, AUC {}",
             group.dataset,
             match group.model {
                 Model::Pose => "",
@@ -58,7 +64,6 @@ fn print(board: &Leaderboard, page: &Path) -> Result<()> {
             },
             counted(group.pairs[0], "pair"),
             group.protocol,
-            best.label,
             group.rows.len(),
             auc.map_or_else(|| "unknown".to_owned(), |auc| format!("{auc:.3}"))
         )?;

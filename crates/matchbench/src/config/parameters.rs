@@ -162,6 +162,7 @@ mod tests {
     enum Score {
         /// The one.
         InlierCount,
+        /// The other.
         Other,
     }
 
@@ -188,6 +189,9 @@ mod tests {
             .iter()
             .map(|(word, meaning)| (&**word, &**meaning))
             .collect();
-        assert_eq!(words, [("inlier-count", "The one."), ("other", "")]);
+        assert_eq!(
+            words,
+            [("inlier-count", "The one."), ("other", "The other.")]
+        );
     }
 }

@@ -11,9 +11,9 @@
 //! The latter two are sign-agnostic: a translation and its opposite count as the same. Failed and
 //! missing pairs count in the denominator here too. A table should say which one it shows.
 
-use std::collections::BTreeMap;
-
-use super::{Bootstrap, Interval, Model, PairResult};
+use super::intervals::Ratio;
+use super::success::gain_of_corners;
+use super::{Interval, Model, PairResult, Term};
 
 /// Area under recall over pose error, from 0 to `limit` degrees, divided by `limit`.
 ///
@@ -35,92 +35,28 @@ pub fn corner_auc(pairs: &[PairResult], limit: f64) -> f64 {
 /// Area under recall over the errors of all pairs; a pair without one is not recalled.
 fn auc_of(errors: impl Iterator<Item = Option<f64>> + Clone, limit: f64) -> f64 {
     let pairs = errors.clone().count() as f64;
-    let sorted = sorted_below(errors.flatten().map(|error| (error, ())), limit);
-    let area = area_under_recall(sorted.iter().map(|&(error, ())| (error, 1.0)), limit);
+    let mut sorted: Vec<f64> = errors.flatten().filter(|error| *error < limit).collect();
+    sorted.sort_by(f64::total_cmp);
+    let (mut area, mut from, mut recalled) = (0.0, 0.0, 0.0);
+    for error in sorted {
+        area += (error - from) * (recalled + 0.5);
+        from = error;
+        recalled += 1.0;
+    }
+    area += (limit - from) * recalled;
     area / (limit * pairs)
 }
 
-/// The interval of [`corner_auc`] over the reference images.
-pub(super) fn corner_auc_interval(
-    pairs: &[PairResult],
-    limit: f64,
-    bootstrap: &Bootstrap,
-) -> Option<Interval> {
+/// The interval of [`corner_auc`]. It has the standard error of the mean of what pairs gain, which is nearly the same
+/// score.
+pub(super) fn corner_auc_interval(pairs: &[PairResult], limit: f64) -> Option<Interval> {
     let homographies = pairs.iter().filter(|pair| pair.model == Model::Homography);
-    let corners = CornersOfImages::new(homographies, limit);
-    bootstrap.interval_of(corners.sizes.len(), |times| corners.auc(times))
-}
-
-/// [`corner_auc`] of the second less that of the first of each two results of the same pair, and its interval over
-/// the reference images.
-pub(super) fn corner_auc_difference(
-    twins: &[(&PairResult, &PairResult)],
-    limit: f64,
-    bootstrap: &Bootstrap,
-) -> (f64, Option<Interval>) {
-    let before = CornersOfImages::new(twins.iter().map(|(before, _)| *before), limit);
-    let after = CornersOfImages::new(twins.iter().map(|(_, after)| *after), limit);
-    let difference = |times: &[u32]| after.auc(times) - before.auc(times);
-    let images = before.sizes.len();
-    let interval = bootstrap.interval_of(images, difference);
-    (difference(&vec![1; images]), interval)
-}
-
-/// Corner errors with the reference images that they belong to, which are numbered as they come.
-struct CornersOfImages {
-    limit: f64,
-    /// The number of pairs of each image.
-    sizes: Vec<f64>,
-    /// The errors below the limit in their order, each with its image.
-    sorted: Vec<(f64, usize)>,
-}
-
-impl CornersOfImages {
-    fn new<'a>(pairs: impl Iterator<Item = &'a PairResult> + Clone, limit: f64) -> Self {
-        let mut images = BTreeMap::<u32, usize>::new();
-        let mut sizes = Vec::new();
-        for pair in pairs.clone() {
-            let image = *images.entry(pair.a).or_insert(sizes.len());
-            if image == sizes.len() {
-                sizes.push(0.0);
-            }
-            sizes[image] += 1.0;
-        }
-        let errors = pairs.filter_map(|pair| Some((pair.corner_error()?, images[&pair.a])));
-        Self {
-            limit,
-            sorted: sorted_below(errors, limit),
-            sizes,
-        }
-    }
-
-    /// Area under recall where each image comes so many times.
-    fn auc(&self, times: &[u32]) -> f64 {
-        let sizes = self.sizes.iter().zip(times);
-        let pairs: f64 = sizes.map(|(size, n)| size * f64::from(*n)).sum();
-        let weighed = (self.sorted.iter()).map(|&(error, image)| (error, f64::from(times[image])));
-        area_under_recall(weighed, self.limit) / (self.limit * pairs)
-    }
-}
-
-/// The errors below the limit in their order, each with what comes with it.
-fn sorted_below<T>(errors: impl Iterator<Item = (f64, T)>, limit: f64) -> Vec<(f64, T)> {
-    let mut sorted: Vec<(f64, T)> = errors.filter(|(error, _)| *error < limit).collect();
-    sorted.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-    sorted
-}
-
-/// Area under the number of pairs over the error, up to the limit; each error comes so many times.
-fn area_under_recall(sorted: impl Iterator<Item = (f64, f64)>, limit: f64) -> f64 {
-    let mut area = 0.0;
-    let (mut from, mut recalled) = (0.0, 0.0);
-    for (error, times) in sorted.filter(|(_, times)| *times > 0.0) {
-        // The first of equal errors ends the trapezoid; the others add no area.
-        area += (error - from) * (recalled + 0.5);
-        from = error;
-        recalled += times;
-    }
-    area + (limit - from) * recalled
+    let mean = Ratio::of(homographies.map(|pair| Term {
+        images: (pair.a, pair.b),
+        numerator: gain_of_corners(pair, limit),
+        denominator: 1.0,
+    }))?;
+    mean.interval_of_share(corner_auc(pairs, limit))
 }
 
 /// Mean over k = 1, 2, ..., `limit` of the share of pairs with a pose error below k degrees.

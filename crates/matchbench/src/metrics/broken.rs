@@ -122,8 +122,8 @@ fn model_of(estimator: &str) -> Option<Model> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Scores;
     use super::super::pair_result::tests::{solved, transferred};
-    use super::super::{Bootstrap, Scores};
     use super::*;
 
     fn set(matcher: &str, estimator: &str, pairs: Vec<PairResult>) -> ResultSet {
@@ -147,7 +147,7 @@ mod tests {
     }
 
     fn score(set: &ResultSet, id: &str) -> Option<f64> {
-        Scores::new(&set.pairs, &Bootstrap::default()).get(id).value
+        Scores::new(&set.pairs).get(id).value
     }
 
     #[test]

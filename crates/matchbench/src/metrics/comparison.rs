@@ -6,11 +6,12 @@
 use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
+use super::intervals::Ratio;
 use super::scores::{AP_THRESHOLD, HEADLINE_PX};
 use super::success::gain;
 use super::{
-    Angle, Bootstrap, Difference, Groups, Model, PairResult, ResultSet, Term,
-    corner_auc_difference, is_above, ranking_auc,
+    Angle, Difference, Groups, Model, PairResult, ResultSet, Term, corner_auc, is_above,
+    ranking_auc,
 };
 
 /// What changed from one set of results to another on the pairs that both have.
@@ -37,7 +38,7 @@ pub struct Comparison {
 }
 
 /// Compares two sets of results of one dataset.
-pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> Comparison {
+pub fn compare(before: &ResultSet, after: &ResultSet) -> Comparison {
     let twins = twins(before, after);
     let (pairs_before, pairs_after): (Vec<PairResult>, Vec<PairResult>) = (twins.iter())
         .map(|&(before, after)| (before.clone(), after.clone()))
@@ -51,9 +52,9 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
         pairs: twins.len(),
         before: score(&pairs_before),
         after: score(&pairs_after),
-        auc: difference(&twins, Angle::Pose, bootstrap),
-        rotation_auc: difference(&twins, Angle::Rotation, bootstrap),
-        translation_auc: difference(&twins, Angle::Translation, bootstrap),
+        auc: difference(&twins, Angle::Pose),
+        rotation_auc: difference(&twins, Angle::Rotation),
+        translation_auc: difference(&twins, Angle::Translation),
         gained: (twins.iter())
             .filter(|(before, after)| !right(before) && right(after))
             .count(),
@@ -67,9 +68,9 @@ pub fn compare(before: &ResultSet, after: &ResultSet, bootstrap: &Bootstrap) -> 
 }
 
 /// How much better `this` is than `other` on the pairs that both have, in the score that methods are ranked by
-/// ([`ranking_auc`]): the difference and its paired bootstrap interval. Both must come from the same dataset.
-pub fn auc_difference(this: &ResultSet, other: &ResultSet, bootstrap: &Bootstrap) -> Difference {
-    difference(&twins(other, this), Angle::Pose, bootstrap)
+/// ([`ranking_auc`]): the difference and its paired interval. Both must come from the same dataset.
+pub fn auc_difference(this: &ResultSet, other: &ResultSet) -> Difference {
+    difference(&twins(other, this), Angle::Pose)
 }
 
 /// The best method of a dataset against one of the others.
@@ -89,7 +90,7 @@ pub struct Lead {
 }
 
 /// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
-pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<Lead> {
+pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
     let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     let key = |set: &ResultSet| (set.dataset.clone(), set.model());
@@ -109,7 +110,7 @@ pub fn leads(sets: &[ResultSet], groups: &Groups, bootstrap: &Bootstrap) -> Vec<
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
         .map(|(best, i, set)| {
-            let difference = auc_difference(&sets[best], set, bootstrap);
+            let difference = auc_difference(&sets[best], set);
             // Letters are by the mean over pairs, which of homographies is only nearly their score.
             let agrees =
                 set.model() == Model::Pose || difference.value.is_some_and(|value| value > 0.0);
@@ -137,26 +138,28 @@ fn twins<'a>(before: &'a ResultSet, after: &'a ResultSet) -> Vec<(&'a PairResult
 }
 
 /// Of one angle of the error; of homographies, which have no angles, that of the corner error for [`Angle::Pose`].
-fn difference(
-    twins: &[(&PairResult, &PairResult)],
-    angle: Angle,
-    bootstrap: &Bootstrap,
-) -> Difference {
+fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle) -> Difference {
     let terms: Vec<Term> = (twins.iter())
-        .map(|(before, after)| Term {
-            cluster: after.a,
-            numerator: gain(after, angle) - gain(before, angle),
-            denominator: 1.0,
+        .filter_map(|(before, after)| {
+            Some(Term {
+                images: (after.a, after.b),
+                numerator: gain(after, angle)? - gain(before, angle)?,
+                denominator: 1.0,
+            })
         })
         .collect();
     let corners = |pair: &PairResult| pair.model == Model::Homography;
     let of_corners = (twins.iter()).all(|(before, after)| corners(before) && corners(after));
-    if of_corners && angle == Angle::Pose && !twins.is_empty() {
-        let (value, interval) = corner_auc_difference(twins, HEADLINE_PX, bootstrap);
-        return Difference::of(Some(value), interval, &terms);
+    let mean = Ratio::of(terms.iter().copied());
+    match mean.filter(|_| of_corners) {
+        Some(mean) => {
+            let auc = |pairs: Vec<PairResult>| corner_auc(&pairs, HEADLINE_PX);
+            let before = auc(twins.iter().map(|(before, _)| (*before).clone()).collect());
+            let after = auc(twins.iter().map(|(_, after)| (*after).clone()).collect());
+            Difference::of(after - before, mean)
+        }
+        None => Difference::new(&terms),
     }
-    let interval = bootstrap.interval(terms.iter().copied());
-    Difference::new(&terms, interval)
 }
 
 #[cfg(test)]
@@ -185,21 +188,22 @@ mod tests {
             let images = (0..3).flat_map(|turn| {
                 let moved = move |pair: &PairResult| PairResult {
                     a: pair.a + 10 * turn,
+                    b: pair.b + 10 * turn,
                     ..pair.clone()
                 };
                 set.pairs.iter().map(moved)
             });
             results(images.collect())
         };
-        let many = auc_difference(&thrice(&better), &thrice(&worse), &Bootstrap::default());
+        let many = auc_difference(&thrice(&better), &thrice(&worse));
         assert!((many.value.expect("pairs in common") - 0.2).abs() < 1e-15);
-        let interval = many.interval.expect("six reference images");
+        let interval = many.interval.expect("six images");
         assert!((interval.high - interval.low).abs() < 1e-12);
         assert!(many.is_certain);
         // Image 0: 15 - 12 thresholds; image 3: 11 - 8. Three of fifteen each time.
-        let score = auc_difference(&better, &worse, &Bootstrap::default());
+        let score = auc_difference(&better, &worse);
         assert!((score.value.expect("two pairs in common") - 0.2).abs() < 1e-15);
-        let comparison = compare(&worse, &better, &Bootstrap::default());
+        let comparison = compare(&worse, &better);
         assert_eq!(comparison.auc, score);
         // Of two images, on which one is better by as much, nothing is certain.
         assert!(!comparison.auc.is_certain && comparison.auc.has_few_images());
@@ -216,10 +220,10 @@ mod tests {
             solved(0, 0.1, 0.1, 50),
             PairResult::failed(1, 2, Failure::NoSupport),
         ]);
-        let same = compare(&one, &one, &Bootstrap::default());
+        let same = compare(&one, &one);
         assert_eq!((same.auc.value, same.changed), (Some(0.0), 0));
         assert!(!same.auc.is_certain);
-        let none = compare(&results(vec![]), &one, &Bootstrap::default());
+        let none = compare(&results(vec![]), &one);
         assert_eq!((none.pairs, none.before, none.auc.value), (0, None, None));
     }
 
@@ -235,16 +239,16 @@ mod tests {
             results((0..8).map(pair).collect())
         };
         let (one, other) = (corners([1.5, 1.5]), corners([0.0, 4.0]));
-        let comparison = compare(&one, &other, &Bootstrap::default());
+        let comparison = compare(&one, &other);
         let scores = [&one, &other].map(|set| ranking_auc(&set.pairs));
         assert_eq!([comparison.before, comparison.after], scores.map(Some));
         assert_eq!(comparison.auc.value, Some(scores[1] - scores[0]));
         let interval = comparison.auc.interval.expect("eight images");
         assert!(interval.low < interval.high && !comparison.auc.is_zero());
         assert!(!comparison.auc.is_certain);
-        let same = compare(&one, &one, &Bootstrap::default()).auc;
+        let same = compare(&one, &one).auc;
         assert!(same.is_zero() && same.interval.is_some_and(|i| i.low == 0.0 && i.high == 0.0));
-        let better = compare(&one, &corners([0.2, 0.3]), &Bootstrap::default()).auc;
+        let better = compare(&one, &corners([0.2, 0.3])).auc;
         assert!(better.is_certain && better.value > Some(0.0));
     }
 
@@ -252,7 +256,8 @@ mod tests {
     fn the_best_of_each_dataset_leads_the_others() {
         let named = |matcher: &str, error| ResultSet {
             matcher: matcher.into(),
-            ..results((0..6).map(|a| solved(a, 0.1, error, 50)).collect())
+            // Of eight images in a row, six are in two pairs.
+            ..results((0..7).map(|a| solved(a, 0.1, error, 50)).collect())
         };
         let elsewhere = ResultSet {
             dataset: "room".into(),
@@ -264,7 +269,7 @@ mod tests {
             named("surf", 0.1),
             elsewhere,
         ];
-        let leads = leads(&sets, &groups(&sets), &Bootstrap::default());
+        let leads = leads(&sets, &groups(&sets));
         let found: Vec<_> = (leads.iter())
             .map(|lead| (&*lead.best.0, &*lead.other.0, lead.difference.is_certain))
             .collect();

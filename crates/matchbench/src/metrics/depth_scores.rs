@@ -86,17 +86,14 @@ fn matching_term(pair: &PairResult) -> Term {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Scores;
     use super::super::pair_result::tests::solved;
-    use super::super::{Bootstrap, Scores};
     use super::*;
     use crate::records::Counts;
 
     #[test]
     fn scores_by_depth_by_hand() {
-        let scores = Scores::new(
-            &[solved(0, 0.2, 0.9, 300), solved(1, 0.1, 12.0, 900)],
-            &Bootstrap::default(),
-        );
+        let scores = Scores::new(&[solved(0, 0.2, 0.9, 300), solved(1, 0.1, 12.0, 900)]);
         let value = |id| scores.get(id).value.expect("there are pairs");
         // Half of the matches are right; a quarter as many matches as keypoints that both see, half of which were found.
         assert!((value("precision_3px") - 0.5).abs() < 1e-12);

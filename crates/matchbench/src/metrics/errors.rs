@@ -11,7 +11,7 @@
 //!
 //! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
 //! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image stay
-//! together in the bootstrap; otherwise every pair is drawn alone.
+//! together; otherwise every pair stands alone.
 
 use std::collections::HashMap;
 use std::fs;
@@ -195,7 +195,8 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
             let reference = identifiers
                 .and_then(|column| fields[column].rsplit_once('#'))
                 .map_or_else(|| index.to_string(), |(reference, _)| reference.to_owned());
-            let next = references.len() as u32;
+            // From the end, so that no reference image has the number of a row.
+            let next = u32::MAX - references.len() as u32;
             let a = *references.entry(reference).or_insert(next);
             let mut pair = PairResult::failed(a, index, Failure::Unexplained);
             if let Some(deviation) = deviation {
@@ -239,7 +240,7 @@ fn angle(field: &str) -> Result<Option<f64>, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Angle, Bootstrap, Score, Scores, SuccessCurve, exact_auc};
+    use super::super::{Angle, Score, Scores, SuccessCurve, exact_auc};
     use super::*;
 
     #[cfg(unix)] // holes of files take no room
@@ -278,7 +279,10 @@ mod tests {
         let references = |pairs: &[PairResult]| pairs.iter().map(|p| p.a).collect::<Vec<_>>();
         assert_eq!(
             (references(&zeb), references(&csv)),
-            (vec![0, 0, 0], vec![0, 1, 2])
+            (
+                vec![u32::MAX; 3],
+                vec![u32::MAX, u32::MAX - 1, u32::MAX - 2]
+            )
         );
         // Errors 1, 3 (an opposite direction is 1 degree off) and none, of three pairs.
         let expected = (0.5 + 2.0 * 1.5 + 2.0 * 2.0) / 15.0;
@@ -293,7 +297,7 @@ mod tests {
             let pairs = parse(table).expect("in order");
             let curves = [Angle::Pose, Angle::Rotation, Angle::Translation]
                 .map(|angle| SuccessCurve::new(&pairs, angle).at(5));
-            let scores = Scores::new(&pairs, &Bootstrap::default());
+            let scores = Scores::new(&pairs);
             let ids = ["auc", "rotation_auc", "translation_auc", "ap5", "maa_10"];
             (ids.map(|id| scores.get(id)), curves)
         };

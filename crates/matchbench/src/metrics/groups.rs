@@ -1,7 +1,6 @@
 //! Which methods of a dataset do not differ significantly: all of them compared with all.
 //!
-//! 1. Two methods are compared on the pairs that all of them have, over reference images
-//!    (`significance.rs`).
+//! 1. Two methods are compared on the pairs that all of them have (`significance.rs`).
 //! 2. Holm, "A Simple Sequentially Rejective Multiple Test Procedure", Scand. J. Statistics 6(2),
 //!    1979: with m comparisons, the smallest p-value is held against alpha / m, the next against
 //!    alpha / (m - 1) and so on, up to the first that is too large. alpha is 0.05.
@@ -13,14 +12,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::bootstrap::MIN_IMAGES;
-use super::significance::{ALPHA, p_value};
+use super::intervals::{ALPHA, Dyads, MIN_IMAGES};
+use super::significance::p_value;
 use super::success::gain;
 use super::{Angle, Model, PairResult, ResultSet};
 
 /// What a table says about its letters.
 pub const GROUP_LEVEL_NOTE: &str = "Methods of a dataset that share a letter do not differ significantly \
-     (paired t test over reference images, of which there are at least 6, Holm-corrected, 5 %).";
+     (paired t test over images, of which there are at least 6, Holm-corrected, 5 %).";
 
 /// With more groups than letters nothing is marked.
 const LETTERS: usize = 26;
@@ -28,7 +27,7 @@ const LETTERS: usize = 26;
 /// What comparing all sets of results with each other comes to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Groups {
-    /// The letters of each set, in the order of the sets. Empty where a dataset has one set, too few reference images
+    /// The letters of each set, in the order of the sets. Empty where a dataset has one set, too few images
     /// that all sets have, or more groups than letters.
     pub letters: Vec<String>,
     /// Which sets differ significantly, the lower place first: those without a common letter.
@@ -74,14 +73,16 @@ pub fn groups(sets: &[ResultSet]) -> Groups {
 struct Rivals {
     /// Their places among all sets, the highest AUC first.
     members: Vec<usize>,
-    /// For each of them and each reference image, the sum of what the pairs that all have gain.
+    /// The pairs of images that all have.
+    dyads: Dyads,
+    /// For each member and each of these pairs, the sum of what it gains in all repetitions.
     sums: Vec<Vec<f64>>,
-    /// The number of these pairs, for each reference image.
+    /// The number of repetitions, for each pair.
     sizes: Vec<f64>,
 }
 
 impl Rivals {
-    /// Those of all datasets with several sets and enough reference images. Poses and homographies of one
+    /// Those of all datasets with several sets and enough images. Poses and homographies of one
     /// dataset are not compared.
     fn of_all(sets: &[ResultSet]) -> Vec<Self> {
         let mut rivals = BTreeMap::<(&str, Model), Vec<usize>>::new();
@@ -102,26 +103,22 @@ impl Rivals {
             let own = keys(member);
             common.retain(|pair| own.contains(pair));
         }
-        let mut images = BTreeMap::<u32, usize>::new();
-        for (a, _, _) in &common {
-            let next = images.len();
-            images.entry(*a).or_insert(next);
-        }
-        if members.len() < 2 || images.len() < MIN_IMAGES {
+        let (dyads, places) = Dyads::of(common.iter().map(|&(a, b, _)| (a, b)));
+        if members.len() < 2 || dyads.units() < MIN_IMAGES {
             return None;
         }
-        let mut sizes = vec![0.0; images.len()];
-        for (a, _, _) in &common {
-            sizes[images[a]] += 1.0;
+        let mut sizes = vec![0.0; dyads.len()];
+        for place in &places {
+            sizes[*place] += 1.0;
         }
+        let place_of: BTreeMap<_, usize> = common.into_iter().zip(places).collect();
         let sums = |&i: &usize| {
-            let mut sums = vec![0.0; images.len()];
-            for pair in sets[i]
-                .pairs
-                .iter()
-                .filter(|pair| common.contains(&key(pair)))
-            {
-                sums[images[&pair.a]] += gain(pair, Angle::Pose);
+            let mut sums = vec![0.0; dyads.len()];
+            for pair in &sets[i].pairs {
+                if let Some(place) = place_of.get(&key(pair)) {
+                    sums[*place] +=
+                        gain(pair, Angle::Pose).expect("poses and homographies have it");
+                }
             }
             (i, sums)
         };
@@ -131,6 +128,7 @@ impl Rivals {
         let (members, sums) = members.into_iter().unzip();
         Some(Self {
             members,
+            dyads,
             sums,
             sizes,
         })
@@ -145,7 +143,8 @@ impl Rivals {
                     .zip(&self.sums[j])
                     .map(|(one, other)| one - other);
                 let sums: Vec<(f64, f64)> = tops.zip(self.sizes.iter().copied()).collect();
-                tests.push((p_value(&sums).expect("there are enough images"), i, j));
+                let ratio = self.dyads.ratio(&sums).expect("there are pairs");
+                tests.push((p_value(&ratio).expect("there are enough images"), i, j));
             }
         }
         holm(tests, ALPHA)

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use matchbench_vision::robust::RIGHT_POSE;
 
-use super::bootstrap::quantile;
+use super::quantiles::quantile;
 use super::{Angle, DatasetGeometry, Failure, Model, PairResult, ResultSet};
 use crate::records::Counts;
 
@@ -61,7 +61,7 @@ impl Hardship {
     pub fn told_by(self) -> String {
         match self {
             Self::WideAngle => format!("optical axes at least {WIDE_ANGLE}° apart"),
-            Self::LittleOverlap => format!("overlap below {LITTLE_OVERLAP} for certain"),
+            Self::LittleOverlap => format!("overlap below {LITTLE_OVERLAP} at any depth"),
             Self::LittleTexture => "an image with less than half of the usual features".into(),
             Self::Ambiguous => {
                 "less than half of the usual share of matches passes the selection, and nothing of \

@@ -4,13 +4,12 @@
 //! [`load_errors`] one of published pose errors; [`Summary::new`] scores it by the list [`SCORES`].
 //! The definitions stand in one file each: [`SuccessCurve`] (SP and the
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
-//! [`Bootstrap`] (intervals) and [`Failures`]. [`compare`] sets two sets of results side by side,
+//! [`Interval`]s and [`Failures`]. [`compare`] sets two sets of results side by side,
 //! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`],
 //! [`hard_pairs`](hard_pairs()) kinds of hard ones.
 
 mod auc;
 mod average_matches;
-mod bootstrap;
 mod broken;
 mod comparison;
 mod depth_scores;
@@ -19,6 +18,7 @@ mod failure;
 mod failures;
 mod groups;
 mod hard_pairs;
+mod intervals;
 mod load;
 mod pair_choice;
 mod pair_geometry;
@@ -26,6 +26,7 @@ mod pair_result;
 mod portion;
 mod protocol_scores;
 mod published;
+mod quantiles;
 mod ranks;
 mod reliability;
 mod result_set;
@@ -34,21 +35,22 @@ mod score_kind;
 mod scores;
 mod significance;
 mod strata;
+mod students_t;
 mod success;
 mod summary;
 mod times;
 mod unfinished;
 
+use auc::corner_auc_interval;
 pub use auc::{corner_auc, exact_auc, maa};
-use auc::{corner_auc_difference, corner_auc_interval};
 pub use average_matches::average_matches;
-pub use bootstrap::{Bootstrap, Interval, MIN_IMAGES, Term};
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
 pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, Groups, groups};
 pub use hard_pairs::{HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
+pub use intervals::{Interval, MIN_IMAGES, Term};
 pub use load::{load, load_chosen, load_each, load_run};
 pub use pair_choice::PairChoice;
 pub use pair_geometry::{DatasetGeometry, PairGeometry};

@@ -2,10 +2,10 @@
 //!
 //! With depth a run measures how much of each image the other shows, and records it
 //! ([`PairGeometry::measure`]). Without depth, nobody knows how much of image `a` is seen in image `b`, but
-//! an upper bound is known. If everything that `a` sees were at one depth, a certain share of its rays
-//! would end in `b`. [`PairGeometry::overlap`] takes the largest such share over the depths [`DEPTHS`] (in
-//! baselines, and infinity), each time the lesser of both directions. Images that look past each other have
-//! 0, whatever the scene; 1 says only that the poses do not exclude full overlap.
+//! an upper bound is known: the share of rays of `a` that would end in `b` at any depth, the lesser of both
+//! directions. [`PairGeometry::overlap`] tries the depths [`DEPTHS`] (in baselines, and infinity) for each ray.
+//! Images that look past each other have 0, whatever the scene; 1 says only that the poses do not exclude full
+//! overlap.
 //!
 //! The size of an image is taken as twice its principal point, which needs no file.
 
@@ -18,7 +18,9 @@ use super::ResultSet;
 use crate::datasets::Sequence;
 
 /// Depths that are tried, in baselines; 0 stands for infinity.
-const DEPTHS: [f64; 9] = [0.0, 64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5];
+const DEPTHS: [f64; 16] = [
+    0.0, 64.0, 32.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.7, 1.4, 1.2, 1.0, 0.7, 0.5,
+];
 /// Rays of an image: so many columns and rows.
 const RAYS: (u32, u32) = (12, 9);
 
@@ -43,9 +45,7 @@ impl PairGeometry {
     pub fn new(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>) -> Self {
         let axis = b_from_a.rotation * Vector3::z();
         let back = b_from_a.inverse();
-        let overlap = (DEPTHS.iter())
-            .map(|&depth| share_seen(a, b, b_from_a, depth).min(share_seen(b, a, &back, depth)))
-            .fold(0.0, f64::max);
+        let overlap = share_seen(a, b, b_from_a).min(share_seen(b, a, &back));
         Self {
             baseline: Some(b_from_a.translation.vector.norm()),
             view_angle: Some(libm::acos(axis.z.clamp(-1.0, 1.0)).to_degrees()),
@@ -83,18 +83,13 @@ impl PairGeometry {
     }
 }
 
-/// The share of rays of `a` that end inside image `b` if all it sees is `depth` baselines away.
-fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>, depth: f64) -> f64 {
-    let translation = if depth == 0.0 {
-        Vector3::zeros()
-    } else {
-        b_from_a
-            .translation
-            .vector
-            .try_normalize(0.0)
-            .unwrap_or_default()
-            / depth
-    };
+/// The share of rays of `a` that end inside image `b` at one of the [`DEPTHS`] or another.
+fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>) -> f64 {
+    let direction = (b_from_a.translation.vector.try_normalize(0.0)).unwrap_or_default();
+    let translations = DEPTHS.map(|depth| match depth {
+        0.0 => Vector3::zeros(),
+        depth => direction / depth,
+    });
     let (columns, rows) = RAYS;
     let rays = (0..columns * rows).map(|ray| {
         let at = |index: u32, count: u32| (f64::from(index) + 0.5) / f64::from(count);
@@ -102,9 +97,12 @@ fn share_seen(a: &Camera, b: &Camera, b_from_a: &Isometry3<f64>, depth: f64) -> 
         a.normalize(Point2::new(2.0 * a.cx * x, 2.0 * a.cy * y))
     });
     let seen = rays.filter(|ray| {
-        let point = b_from_a.rotation * ray.to_homogeneous() + translation;
-        let at_depth_1 = Point2::new(point.x / point.z, point.y / point.z);
-        point.z > 0.0 && (b.seen_at(at_depth_1)).is_some_and(|pixel| is_inside(b, pixel))
+        let turned = b_from_a.rotation * ray.to_homogeneous();
+        translations.iter().any(|translation| {
+            let point = turned + translation;
+            let at_depth_1 = Point2::new(point.x / point.z, point.y / point.z);
+            point.z > 0.0 && (b.seen_at(at_depth_1)).is_some_and(|pixel| is_inside(b, pixel))
+        })
     });
     seen.count() as f64 / f64::from(columns * rows)
 }

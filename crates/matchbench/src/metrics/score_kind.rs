@@ -34,7 +34,7 @@ pub enum Subject {
     Depth,
 }
 
-/// Where the bootstrap interval of a score comes from.
+/// Where the interval of a score comes from.
 #[derive(Clone, Copy, Debug)]
 pub enum Spread {
     /// There is none.
@@ -73,7 +73,7 @@ pub enum Detail {
 /// A share of a pair: so many of so many, where they are known.
 pub(super) fn share_term(pair: &PairResult, known: Option<(u32, u32)>) -> Term {
     Term {
-        cluster: pair.a,
+        images: (pair.a, pair.b),
         numerator: known.map_or(0.0, |(found, all)| {
             // Matches of one place with several orientations are several.
             (f64::from(found) / f64::from(all.max(1))).min(1.0)

@@ -3,19 +3,20 @@
 //! Tables, CSV, the page and its definitions walk [`SCORES`]; to add a score, add an entry. A score
 //! is a function of the pairs of one [`ResultSet`](super::ResultSet). It is about poses, homographies or depth, and
 //! unknown where there are no pairs that have these. One that is a ratio of sums over pairs also says what a
-//! pair adds to it ([`Term`]) and thereby has a bootstrap interval.
+//! pair adds to it ([`Term`]) and thereby has an interval.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
 use super::average_matches::{average_matches, is_right};
 use super::depth_scores;
+use super::intervals::Ratio;
 use super::pair_result::FOUND_PX;
 use super::score_kind::{Detail, Notation, ScoreKind, Spread, Subject, mean_of_terms, share_term};
 use super::success::share_of_thresholds;
 use super::{
-    Angle, Bootstrap, Interval, Model, PairResult, SuccessCurve, Term, corner_auc,
-    corner_auc_interval, exact_auc, maa,
+    Angle, Interval, Model, PairResult, SuccessCurve, Term, corner_auc, corner_auc_interval,
+    exact_auc, maa,
 };
 
 /// The threshold at which the paper shows AP, in degrees.
@@ -238,12 +239,12 @@ fn place(id: &str) -> usize {
     place.unwrap_or_else(|| panic!("no score is called `{id}`"))
 }
 
-/// A score and how far it would move with other reference images.
+/// A score and how far it would move with other images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Score {
     /// The score; `None` where it is undefined (no pairs, or no right pair for AP) or the results do not tell.
     pub value: Option<f64>,
-    /// Its bootstrap interval, where there is enough evidence for one.
+    /// Its 95 % interval, where there is enough evidence for one.
     pub interval: Option<Interval>,
 }
 
@@ -253,14 +254,20 @@ pub struct Scores(Vec<Score>);
 
 impl Scores {
     /// Computes all of them.
-    pub fn new(pairs: &[PairResult], bootstrap: &Bootstrap) -> Self {
+    pub fn new(pairs: &[PairResult]) -> Self {
         let score = |kind: &ScoreKind| {
             let value = (kind.value)(pairs).filter(|value| value.is_finite());
             // Of what is not known nothing is certain.
             let interval = value.and_then(|_| match kind.spread {
                 Spread::Unknown => None,
-                Spread::Terms(term) => bootstrap.interval(pairs.iter().map(term)),
-                Spread::Corners(limit) => corner_auc_interval(pairs, limit.into(), bootstrap),
+                Spread::Terms(term) => {
+                    let ratio = Ratio::of(pairs.iter().map(term))?;
+                    match kind.notation {
+                        Notation::Ratio => ratio.interval_of_share(ratio.value),
+                        Notation::Count => ratio.interval_of_count(),
+                    }
+                }
+                Spread::Corners(limit) => corner_auc_interval(pairs, limit.into()),
             });
             Score { value, interval }
         };
@@ -309,7 +316,7 @@ fn auc(pairs: &[PairResult], angle: Angle) -> Option<f64> {
 
 fn auc_term(pair: &PairResult, angle: Angle) -> Term {
     Term {
-        cluster: pair.a,
+        images: (pair.a, pair.b),
         numerator: share_of_thresholds(pair.error(angle)),
         denominator: f64::from(u8::from(pair.model == Model::Pose)),
     }
@@ -320,7 +327,7 @@ fn accuracy_term(pair: &PairResult, pixels: usize) -> Term {
     let selected = pair.counts.map_or(0, |counts| counts.selected);
     let share = |correct: [u32; 10]| f64::from(correct[pixels - 1]) / f64::from(selected.max(1));
     Term {
-        cluster: pair.a,
+        images: (pair.a, pair.b),
         numerator: pair.correct.map_or(0.0, share),
         denominator: f64::from(u8::from(pair.correct.is_some())),
     }
@@ -344,7 +351,7 @@ fn share_of_visible(pair: &PairResult, found: fn(&PairResult) -> Option<u32>) ->
 fn ap_term(pair: &PairResult) -> Term {
     let correspondences = (pair.correspondences).filter(|_| is_right(pair, AP_THRESHOLD));
     Term {
-        cluster: pair.a,
+        images: (pair.a, pair.b),
         numerator: correspondences.unwrap_or(0).into(),
         denominator: if correspondences.is_some() { 1.0 } else { 0.0 },
     }
@@ -383,7 +390,7 @@ mod tests {
 
     #[test]
     fn scores_of_homographies_by_hand() {
-        let scores = Scores::new(&transfers(), &Bootstrap::default());
+        let scores = Scores::new(&transfers());
         let value = |id| scores.get(id).value.expect("there are pairs");
         // Up to 3 pixels, in units of pairs: 0.5 * 0.5, 2 * 1.5, 0.5 * 2, of 3 * 4.
         assert!((value("auc_h3") - 4.25 / 12.0).abs() < 1e-12);
@@ -397,7 +404,7 @@ mod tests {
         let many: Vec<PairResult> = (0..9)
             .map(|a| transferred(a, 0.4 * f64::from(a), 60))
             .collect();
-        let auc = Scores::new(&many, &Bootstrap::default()).get("auc_h3");
+        let auc = Scores::new(&many).get("auc_h3");
         let interval = auc.interval.expect("nine images");
         assert!((interval.low..interval.high).contains(&auc.value.expect("there are pairs")));
     }
@@ -417,9 +424,9 @@ mod tests {
 
     #[test]
     fn every_score_is_defined_on_results_of_its_model_and_unknown_without() {
-        let none = Scores::new(&[], &Bootstrap::default());
-        let poses = Scores::new(&pairs(), &Bootstrap::default());
-        let homographies = Scores::new(&transfers(), &Bootstrap::default());
+        let none = Scores::new(&[]);
+        let poses = Scores::new(&pairs());
+        let homographies = Scores::new(&transfers());
         for ((kind, pose), (_, homography)) in poses.iter().zip(homographies.iter()) {
             let (score, other) = match kind.about {
                 // The pairs with poses have depth here, the others have none.
@@ -456,7 +463,7 @@ mod tests {
 
     #[test]
     fn scores_of_the_paper_by_hand() {
-        let scores = Scores::new(&pairs(), &Bootstrap::default());
+        let scores = Scores::new(&pairs());
         // Errors 0.9, 4.5, 12 and none: below all of 1 ... 15, below 5 ... 15, below 13, 14, 15.
         let auc = scores.get("auc").value.expect("there are pairs");
         assert!((auc - (15.0 + 11.0 + 3.0) / 60.0).abs() < 1e-15);

@@ -93,17 +93,20 @@ impl Serialize for SuccessCurve {
 /// most 1 / (2 n) for n pairs.
 ///
 /// [`corner_auc`]: super::corner_auc
-pub(super) fn gain(pair: &PairResult, angle: Angle) -> f64 {
-    match pair.model {
-        Model::Pose => share_of_thresholds(pair.error(angle)),
-        Model::Homography if angle == Angle::Pose => {
-            let below = pair
-                .corner_error()
-                .map_or(0.0, |error| 1.0 - error / HEADLINE_PX);
-            below.max(0.0)
-        }
-        Model::Homography => 0.0,
+/// `None` for the angles of a homography.
+pub(super) fn gain(pair: &PairResult, angle: Angle) -> Option<f64> {
+    match (pair.model, angle) {
+        (Model::Pose, _) => Some(share_of_thresholds(pair.error(angle))),
+        (Model::Homography, Angle::Pose) => Some(gain_of_corners(pair, HEADLINE_PX)),
+        (Model::Homography, _) => None,
     }
+}
+
+/// How far the corner error of a homography is below `limit` pixels, as a share of these; 0 if it is not, or if there is
+/// none.
+pub(super) fn gain_of_corners(pair: &PairResult, limit: f64) -> f64 {
+    let below = pair.corner_error().map_or(0.0, |error| 1.0 - error / limit);
+    below.max(0.0)
 }
 
 /// The share of the paper's thresholds that an error is below: what one pair adds to the AUC.

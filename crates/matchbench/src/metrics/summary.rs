@@ -5,8 +5,8 @@ use serde::Serialize;
 use crate::protocols;
 
 use super::{
-    Angle, Bootstrap, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind,
-    Scores, StageQuartiles, Subject, SuccessCurve, ranking_auc,
+    Angle, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind, Scores,
+    StageQuartiles, Subject, SuccessCurve, ranking_auc,
 };
 
 /// All scores of one dataset, matcher and estimator. Ratios are in `[0, 1]` and NaN without pairs.
@@ -59,7 +59,7 @@ pub struct Summary {
 
 impl Summary {
     /// Scores one set of results.
-    pub fn new(results: &ResultSet, bootstrap: &Bootstrap) -> Self {
+    pub fn new(results: &ResultSet) -> Self {
         let pairs = &results.pairs;
         let failures = Failures::count(pairs);
         let curve = |angle| SuccessCurve::new(pairs, angle);
@@ -76,7 +76,7 @@ impl Summary {
             ignored: results.ignored,
             undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
             portion: Portion::of(pairs),
-            scores: Scores::new(pairs, bootstrap),
+            scores: Scores::new(pairs),
             auc_deviation: auc_deviation(results),
             group: String::new(),
             corner_sp: SuccessCurve::of_corners(pairs),
@@ -97,7 +97,7 @@ impl Summary {
             pairs: Vec::new(),
             ignored: 0,
         };
-        Self::new(&nothing, &Bootstrap::default())
+        Self::new(&nothing)
     }
 
     /// The score that it is ranked by: the paper's AUC, or of homographies the AUC at 3 pixels.
@@ -191,18 +191,15 @@ mod tests {
 
     #[test]
     fn scores_of_a_small_set_by_hand() {
-        let summary = Summary::new(
-            &results(vec![
-                // Below all of 1 ... 15: adds 15.
-                solved(0, 0.2, 0.9, 300),
-                // e = 4.5: below 5 ... 15, adds 11.
-                solved(0, 4.5, 1.0, 100),
-                // e = 12: below 13, 14, 15, adds 3.
-                solved(1, 0.1, 12.0, 900),
-                PairResult::failed(1, 5, Failure::TooFewMatches),
-            ]),
-            &Bootstrap::default(),
-        );
+        let summary = Summary::new(&results(vec![
+            // Below all of 1 ... 15: adds 15.
+            solved(0, 0.2, 0.9, 300),
+            // e = 4.5: below 5 ... 15, adds 11.
+            solved(0, 4.5, 1.0, 100),
+            // e = 12: below 13, 14, 15, adds 3.
+            solved(1, 0.1, 12.0, 900),
+            PairResult::failed(1, 5, Failure::TooFewMatches),
+        ]));
         assert_eq!((summary.pairs, summary.failed, summary.ignored), (4, 1, 2));
         let auc = summary.auc().value.expect("there are pairs");
         assert!((auc - (15.0 + 11.0 + 3.0) / (4.0 * 15.0)).abs() < 1e-15);
@@ -224,26 +221,24 @@ mod tests {
             ..solved(0, error, 0.1, 50)
         };
         let mut set = results(vec![repeated(0, 0.5), repeated(1, 3.5), repeated(2, 6.5)]);
-        assert_eq!(
-            Summary::new(&set, &Bootstrap::default()).auc_deviation,
-            None
-        );
+        assert_eq!(Summary::new(&set).auc_deviation, None);
         set.repetitions = 3;
-        let deviation = Summary::new(&set, &Bootstrap::default()).auc_deviation;
+        let deviation = Summary::new(&set).auc_deviation;
         // The AUCs are 15, 12 and 9 of 15.
         assert!((deviation.expect("three repetitions") - 0.2).abs() < 1e-12);
         set.repetitions = 4;
-        let deviation = Summary::new(&set, &Bootstrap::default()).auc_deviation;
+        let deviation = Summary::new(&set).auc_deviation;
         assert_eq!(deviation, None, "nothing is known of the fourth");
     }
 
     #[test]
     fn few_images_have_scores_but_no_interval() {
+        // Of images in a row, all but the first and the last are in two pairs.
         let of = |images: u32| {
-            let pairs = (0..images).map(|a| solved(a, 0.1, f64::from(a), 50));
-            Summary::new(&results(pairs.collect()), &Bootstrap::default()).auc()
+            let pairs = (0..=images).map(|a| solved(a, 0.1, f64::from(a), 50));
+            Summary::new(&results(pairs.collect())).auc()
         };
-        assert_eq!((of(1).value, of(1).interval), (Some(1.0), None));
+        assert_eq!((of(0).value, of(0).interval), (Some(1.0), None));
         assert_eq!(of(MIN_IMAGES as u32 - 1).interval, None);
         let many = of(MIN_IMAGES as u32);
         let interval = many.interval.expect("enough images");
@@ -252,7 +247,7 @@ mod tests {
 
     #[test]
     fn without_pairs_every_score_is_unknown() {
-        let summary = Summary::new(&results(vec![]), &Bootstrap::default());
+        let summary = Summary::new(&results(vec![]));
         assert_eq!(
             (summary.auc().value, summary.scores.get("ap5").value),
             (None, None)

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::records::{Counts, StageTimes};
 
-use super::bootstrap::quantile;
+use super::quantiles::quantile;
 use super::{Failure, PairResult};
 
 /// Quartiles and mean of a set of numbers.

@@ -39,6 +39,9 @@ pub(super) const TOOL: &str = "matchbench-tool";
 /// A paper that judges homographies by the mean distance of the four corners, as is done here.
 pub(super) const CORNER_ERROR: &str = "D. DeTone, T. Malisiewicz, A. Rabinovich, \"SuperPoint: Self-Supervised \
                                        Interest Point Detection and Description\", CVPR Workshops 2018";
+/// The paper by which intervals take pairs that share an image as dependent.
+pub(super) const INTERVALS: &str = "P. M. Aronow, C. Samii, V. A. Assenova, \"Cluster-Robust Variance Estimation for \
+                                    Dyadic Data\", Political Analysis 23(4), 2015";
 /// A paper whose score is the area under recall over this error.
 pub(super) const CORNER_AUC: &str = SUPERGLUE.reference;
 
@@ -160,7 +163,12 @@ pub(super) fn render(content: &Content) -> String {
     let of_errors = [CORNER_ERROR, CORNER_AUC]
         .into_iter()
         .filter(|_| of(Model::Homography));
+    let of_intervals = (content.summaries.iter())
+        .flat_map(|summary| summary.scores.iter())
+        .any(|(_, score)| score.interval.is_some());
+    let of_intervals = [INTERVALS].into_iter().filter(|_| of_intervals);
     let papers: BTreeMap<String, Citation> = (of_methods.chain(of_data).chain(of_errors))
+        .chain(of_intervals)
         .flat_map(citations)
         .map(|citation| (citation.key.clone(), citation))
         .collect();
@@ -230,7 +238,7 @@ mod tests {
                     .filter(|known| !known.is_ours())
                     .map(|known| known.reference),
             )
-            .chain([CORNER_ERROR, CORNER_AUC])
+            .chain([CORNER_ERROR, CORNER_AUC, INTERVALS])
             .chain(of_data)
     }
 

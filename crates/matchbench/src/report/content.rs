@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{Bootstrap, DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
+use crate::metrics::{DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
 use crate::records::Plan;
 
 use super::{DatasetFacts, PairView};
@@ -50,22 +50,16 @@ pub struct Content {
 
 impl Content {
     /// Scores the results. Threads are used, and do not change the result.
-    pub fn new(results: Vec<ResultSet>, bootstrap: &Bootstrap, facts: RunFacts) -> Self {
+    pub fn new(results: Vec<ResultSet>, facts: RunFacts) -> Self {
         let groups = groups(&results);
-        Self::compared(results, groups, bootstrap, facts)
+        Self::compared(results, groups, facts)
     }
 
     /// The same of results that were compared before.
-    pub(super) fn compared(
-        results: Vec<ResultSet>,
-        groups: Groups,
-        bootstrap: &Bootstrap,
-        facts: RunFacts,
-    ) -> Self {
-        let mut summaries: Vec<Summary> = (results.par_iter())
-            .map(|set| Summary::new(set, bootstrap))
-            .collect();
-        let leads = leads(&results, &groups, bootstrap);
+    pub(super) fn compared(results: Vec<ResultSet>, groups: Groups, facts: RunFacts) -> Self {
+        let mut summaries: Vec<Summary> =
+            (results.par_iter()).map(|set| Summary::new(set)).collect();
+        let leads = leads(&results, &groups);
         for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
             summary.group = letters;
         }

@@ -444,7 +444,6 @@ mod tests {
     use super::super::RunFacts;
     use super::super::tests::{homography_results, results};
     use super::*;
-    use crate::metrics::Bootstrap;
 
     #[test]
     fn the_best_pose_does_not_lead_a_homography() {
@@ -454,7 +453,7 @@ mod tests {
             homography_results("wall", "sift", 1.0),
             homography_results("wall", "orb", 0.1),
         ];
-        let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let content = Content::new(sets, RunFacts::default());
         let overview = Overview::new(&content.summaries);
         let svg = lead_figure(&content, &overview, 0, Target::File).expect("there are rivals");
         assert!(svg.contains("AUC by which sift + ransac-e leads"), "{svg}");
@@ -465,7 +464,7 @@ mod tests {
     #[test]
     fn homographies_have_no_panel_of_correspondences_of_poses() {
         let panel = |sets| {
-            let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+            let content = Content::new(sets, RunFacts::default());
             let overview = Overview::new(&content.summaries);
             ap_panel_figure(&overview, overview.portions[0], "other pairs", Target::File)
         };
@@ -480,7 +479,7 @@ mod tests {
             homography_results("wall", "sift", 1.0),
             results("wall", "sift", 7),
         ];
-        let mut content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let mut content = Content::new(sets, RunFacts::default());
         let known = |a: u32| PairGeometry {
             baseline: Some(f64::from(a)),
             view_angle: None,
@@ -507,7 +506,7 @@ mod tests {
         for set in &mut sets[2..] {
             set.estimator = "ransac-h".into();
         }
-        let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+        let content = Content::new(sets, RunFacts::default());
         let overview = Overview::new(&content.summaries);
         let svg = accuracy_figure(&overview, 0, Target::Page).expect("it is known");
         for matcher in ["sift", "orb"] {

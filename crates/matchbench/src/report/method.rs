@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use crate::counted::counted;
-use crate::metrics::{Bootstrap, Model, Portion};
+use crate::metrics::{Model, Portion, Summary};
 use crate::records::{MatcherPlan, Plan};
 
-use super::citations::{BENCHMARK, CORNER_AUC, CORNER_ERROR, TOOL, citations};
+use super::citations::{BENCHMARK, CORNER_AUC, CORNER_ERROR, INTERVALS, TOOL, citations};
 use super::command_line::Origin;
 use super::content::Content;
 use super::dataset_facts::DatasetFacts;
@@ -273,7 +273,6 @@ fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<Strin
 }
 
 fn protocol(content: &Content, plan: Option<&Plan>, pieces: &mut Vec<Piece>) {
-    let bootstrap = Bootstrap::default();
     let repetitions = content
         .summaries
         .iter()
@@ -304,13 +303,16 @@ fn protocol(content: &Content, plan: Option<&Plan>, pieces: &mut Vec<Piece>) {
         cite(pieces, [CORNER_AUC].into_iter());
         text.push_str(". ");
     }
-    let _ = write!(
-        text,
-        "Failed and missing pairs stay in every denominator. Intervals are {:.0} % percentile intervals \
-         of {} bootstrap resamples of the reference images with all of their pairs; differences are paired.",
-        bootstrap.level * 100.0,
-        bootstrap.resamples
-    );
+    text.push_str("Failed and missing pairs stay in every denominator.");
+    let has_interval = |summary: &Summary| summary.auc().interval.is_some();
+    if content.summaries.iter().any(has_interval) {
+        text.push_str(
+            " Intervals are 95 % intervals of Student's t, whose variance takes pairs that share an image as dependent",
+        );
+        pieces.push(Piece::Text(std::mem::take(&mut text)));
+        cite(pieces, [INTERVALS].into_iter());
+        text.push_str("; differences are paired.");
+    }
     if repetitions > 1 {
         let _ = write!(
             text,

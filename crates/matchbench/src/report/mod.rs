@@ -153,9 +153,7 @@ pub fn render_with_mean(format: Format, summaries: &[Summary]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{
-        AngularError, Bootstrap, Deviation, Failure, Model, PairResult, ResultSet,
-    };
+    use crate::metrics::{AngularError, Deviation, Failure, Model, PairResult, ResultSet};
     use crate::records::{ByDepth, Counts, Repeated};
 
     /// Results of one matcher with as many right pairs, in ten, as its AUC is to have tenths.
@@ -185,13 +183,13 @@ mod tests {
 
     /// Scores of such results.
     pub(super) fn summary(dataset: &str, matcher: &str, tenths: u32) -> Summary {
-        Summary::new(&results(dataset, matcher, tenths), &Bootstrap::default())
+        Summary::new(&results(dataset, matcher, tenths))
     }
 
     /// Scores of homographies that are off by 0, 1, ... 9 pixels.
     pub(super) fn homographies(dataset: &str, matcher: &str) -> Summary {
         let results = homography_results(dataset, matcher, 1.0);
-        Summary::new(&results, &Bootstrap::default())
+        Summary::new(&results)
     }
 
     /// Homographies that are off by 0, 1, ... 9 times so many pixels.
@@ -225,7 +223,7 @@ mod tests {
     pub(super) fn content(sets: &[(&str, &str, u32)]) -> Content {
         let sets =
             (sets.iter()).map(|&(dataset, matcher, tenths)| results(dataset, matcher, tenths));
-        Content::new(sets.collect(), &Bootstrap::default(), RunFacts::default())
+        Content::new(sets.collect(), RunFacts::default())
     }
 
     #[test]

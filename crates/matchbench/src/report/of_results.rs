@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::datasets::Sequence;
-use crate::metrics::{Bootstrap, PairChoice, PairGeometry, ResultsError, load_chosen};
+use crate::metrics::{PairChoice, PairGeometry, ResultsError, load_chosen};
 
 use super::{Content, DatasetFacts, RunFacts};
 
@@ -36,7 +36,7 @@ pub fn of_results(
         plan: None,
         results: arguments(results, datasets, choice),
     };
-    let mut content = Content::new(sets, &Bootstrap::default(), run);
+    let mut content = Content::new(sets, run);
     let mut names: Vec<String> = content
         .results
         .iter()

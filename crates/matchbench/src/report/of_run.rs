@@ -17,7 +17,7 @@ use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
-use crate::metrics::{Bootstrap, PairGeometry, ResultsError, load_run, unfinished};
+use crate::metrics::{PairGeometry, ResultsError, load_run, unfinished};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 /// Options of a report.
@@ -109,7 +109,7 @@ pub fn content_of_run(
     options: &ReportOptions<'_>,
 ) -> Result<(Content, Vec<String>), ReportError> {
     let results = load_run(run, None)?;
-    let mut content = Content::new(results, &Bootstrap::default(), facts(run)?);
+    let mut content = Content::new(results, facts(run)?);
     let (sequences, mut notes) = sequences(run.plan());
     notes.extend(unfinished(run.plan(), &content.results));
     content.geometry = (sequences.iter())

@@ -22,7 +22,7 @@ use crate::records::Outcome;
 /// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in pixels. This is
 /// the threshold of the reference estimator.
 const AGREES_BELOW: f64 = 1.0;
-/// Bounds of the classes of matches by distance to the true epipolar line, in pixels. Distances at or above the
+/// Bounds of the classes of matches by Sampson distance from the true epipolar geometry, in pixels. Distances at or above the
 /// last bound are a fourth class.
 pub(super) const BOUNDS_PX: [f64; 3] = [1.0, 3.0, 10.0];
 /// Matches whose epipolar lines are drawn.

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::counted::counted;
 use crate::metrics::{Detail, SCORES, ScoreKind, Summary, shown_scores};
 
 use super::numbers::{interval, ratio, score};
@@ -101,8 +102,8 @@ pub(super) fn render_with_mean(summaries: &[Summary]) -> String {
     if !means.is_empty() {
         let _ = writeln!(
             text,
-            "\nMean over {} datasets: {}",
-            summaries.len(),
+            "\nMean over {}: {}",
+            counted(summaries.len(), "dataset"),
             means.join(", ")
         );
     }

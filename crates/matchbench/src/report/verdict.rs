@@ -26,8 +26,8 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
     let too_few = (doubtful.iter().map(|lead| lead.difference))
         .find(Difference::has_few_images)
         .map(|difference| match difference.images {
-            1 => "1 reference image is too few".to_owned(),
-            images => format!("{images} reference images are too few"),
+            1 => "1 image is too few".to_owned(),
+            images => format!("{images} images are too few"),
         });
     let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
     doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
@@ -153,8 +153,8 @@ mod tests {
         assert_eq!(
             [verdicts(&[few]), verdicts(&[fewest])].concat(),
             [
-                "office: sift + best has the highest AUC; 3 reference images are too few to be certain of it",
-                "office: sift + best has the highest AUC; 1 reference image is too few to be certain of it",
+                "office: sift + best has the highest AUC; 3 images are too few to be certain of it",
+                "office: sift + best has the highest AUC; 1 image is too few to be certain of it",
             ]
         );
     }

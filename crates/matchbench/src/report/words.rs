@@ -211,7 +211,7 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     }
     let Some(interval) = difference.interval else {
         return format!(
-            "{ahead} is ahead of {behind} on {on} by {:.3}; too few reference images for an interval",
+            "{ahead} is ahead of {behind} on {on} by {:.3}; too few images for an interval",
             value.abs()
         );
     };

@@ -29,7 +29,6 @@ mod essential_problem;
 mod estimator;
 mod even_marginal;
 mod even_msac;
-mod even_sampler;
 mod even_weights;
 mod fundamental_problem;
 mod grid;
@@ -52,6 +51,7 @@ mod scoring;
 mod search;
 #[cfg(feature = "serde")]
 mod settings;
+mod spread_sampler;
 mod sprt;
 mod turns;
 
@@ -63,7 +63,6 @@ pub use estimator::{
 };
 pub use even_marginal::EvenMarginal;
 pub use even_msac::EvenMsac;
-pub use even_sampler::EvenSampler;
 pub use fundamental_problem::FundamentalProblem;
 pub use homography_consensus::{HomographyConsensus, HomographyParams};
 pub use homography_problem::HomographyProblem;
@@ -79,3 +78,4 @@ pub use sampling::{Sampling, Uniform};
 pub use scoring::{InlierCount, Msac, Scoring, Support};
 #[cfg(feature = "serde")]
 pub use settings::{GeometryName, SamplerName, ScoreName, Settings};
+pub use spread_sampler::SpreadSampler;

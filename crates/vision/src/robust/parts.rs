@@ -131,7 +131,7 @@ pub enum Sampler {
         /// Number of samples after which all matches are equally likely; at least 1.
         horizon: usize,
     },
-    /// [`EvenSampler`](crate::robust::EvenSampler): draws from sparse parts of the image as often as from dense
+    /// [`SpreadSampler`](crate::robust::SpreadSampler): draws from sparse parts of the image as often as from dense
     /// ones.
     Spread {
         /// Cells across and down of the grid over image `a`; 1 to 1000.

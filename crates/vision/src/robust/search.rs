@@ -13,8 +13,9 @@ use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::turns::trust;
 use super::{
-    Consensus, ConsensusParams, EvenMarginal, EvenMsac, EvenSampler, Extras, InlierCount, Magsac,
-    MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, Uniform, consensus_until,
+    Consensus, ConsensusParams, EvenMarginal, EvenMsac, Extras, InlierCount, Magsac,
+    MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, SpreadSampler, Uniform,
+    consensus_until,
 };
 use crate::geometry::{MatchedPoints, PointPairs};
 use crate::params::ParamError;
@@ -328,7 +329,7 @@ impl Task<'_> {
                 self.run(problem, score, sprt, &mut sampler)
             }
             Sampler::Spread { cells } => {
-                let mut sampler = EvenSampler::within(&matches.pairs, cells, self.far);
+                let mut sampler = SpreadSampler::within(&matches.pairs, cells, self.far);
                 self.run(problem, score, sprt, &mut sampler)
             }
         }

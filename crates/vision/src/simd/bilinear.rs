@@ -121,7 +121,7 @@ fn blend_scalar(positions: &[Between], row: &[u16], out: &mut [u8]) {
 }
 
 /// *Benefit*: one byte shuffle fetches the inputs of four outputs; 4 times the speed of the
-/// scalar text, which fetches them one by one.
+/// portable code, which fetches them one by one.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::{

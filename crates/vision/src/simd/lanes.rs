@@ -1,6 +1,6 @@
 //! Eight numbers side by side.
 //!
-//! Code that is written with [`Lanes`] is the scalar text of eight like tasks at once: every operation acts on each
+//! Code that is written with [`Lanes`] is the portable code of eight like tasks at once: every operation acts on each
 //! of the numbers, with the same rounding in each instruction set.
 //!
 //! *Benefit*: in long computations on many small arrays, the compiler does not find the eight tasks by itself, or

@@ -85,7 +85,7 @@ fn difference_scalar(patches: [&[i16; SPAN]; 3], width: usize) -> i32 {
 }
 
 /// *Benefit*: one instruction multiplies and adds the pixels of a row; 4 times the speed of the
-/// portable text, in which the compiler does not see it.
+/// portable code, in which the compiler does not see it.
 #[cfg(target_arch = "x86_64")]
 mod sse2 {
     use std::arch::x86_64::{

@@ -1,12 +1,12 @@
 //! Kernels in several instruction sets, and the only unsafe code of this package.
 //!
-//! **The scalar text is the definition.** A kernel is written once, in portable Rust: fixed
+//! **The portable code is the definition.** A kernel is written once, in portable Rust: fixed
 //! lanes, a fixed tree of sums, `f32::mul_add` where a fused multiply-add is meant. The
 //! `multiversioned!` macro compiles that one text for the baseline and again with the wider
 //! instruction sets of the platform, and chooses at run time. Every version rounds the same
 //! operations in the same order, so all agree bit for bit by construction; the compiler may
 //! vectorise but never reorders floating-point arithmetic. Where that is not fast enough a kernel
-//! is written by hand in intrinsics, and a test compares its bits with the scalar text.
+//! is written by hand in intrinsics, and a test compares its bits with the portable code.
 #![allow(unsafe_code)]
 // The room is private; inside, kernels are marked as they would be in a crate of their own.
 #![allow(unreachable_pub)]
@@ -14,7 +14,7 @@
 /// Compiles functions for the baseline and again for AVX2 with fused multiply-add, and where
 /// `#![avx512]` comes first for AVX-512, and calls the version that is [`InstructionSet::in_use`].
 ///
-/// *Benefit*: the portable text runs with 8 or 16 lanes instead of 4 and with hardware `mul_add`
+/// *Benefit*: the portable code runs with 8 or 16 lanes instead of 4 and with hardware `mul_add`
 /// (without it each `mul_add` is a call into the C library). Vectors of 64 bytes are not for all:
 /// kernels that look up, shuffle or end early are as fast or faster with those of 32.
 /// *Correctness*: the only unsafe act is calling a wider version, which is done after the

@@ -60,7 +60,6 @@ mod tests {
     use super::super::super::tests::results;
     use super::super::render;
     use super::*;
-    use crate::metrics::Bootstrap;
 
     #[test]
     fn methods_of_few_poses_have_no_curve_and_a_sentence() {
@@ -78,7 +77,7 @@ mod tests {
             set
         };
         let page = |sets| {
-            let content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+            let content = Content::new(sets, RunFacts::default());
             render(&content)
         };
         let chart = "chart reliability";

@@ -3,7 +3,7 @@
 use super::super::tests::{content, homographies, homography_results};
 use super::super::{DatasetFacts, RunFacts};
 use super::*;
-use crate::metrics::{Bootstrap, Portion, Quartiles, SCORES};
+use crate::metrics::{Portion, Quartiles, SCORES};
 
 fn page(sets: &[(&str, &str, u32)], title: &str) -> String {
     let mut content = content(sets);
@@ -153,7 +153,7 @@ fn the_best_of_poses_and_of_homographies_are_named_apart() {
         homography_results("room", "orb", 1.0),
     ];
     let sets = content.results.iter().cloned().chain(sets).collect();
-    content = Content::new(sets, &Bootstrap::default(), RunFacts::default());
+    content = Content::new(sets, RunFacts::default());
     let page = render(&content);
     for line in [
         format!("<strong>sift + ransac-e</strong> {lead} of poses on <bdi>room<"),

@@ -4,7 +4,7 @@
 //!    not what it claims to be, is refused with the reason; the others are still read.
 //! 2. Results that can be compared form one group: the same dataset by name and fingerprint, the same pairs of
 //!    it, the same protocol. Scores for different truths or different pairs are never in one table.
-//! 3. The methods of a group are scored and compared as in a report ([`Content`]): intervals by the bootstrap
+//! 3. The methods of a group are scored and compared as in a report ([`Content`]): intervals
 //!    over images, letters by Holm's test.
 
 mod entries;
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use crate::metrics::{Angle, Bootstrap, Groups, Model, ResultSet, Summary, groups, ranks};
+use crate::metrics::{Angle, Groups, Model, ResultSet, Summary, groups, ranks};
 
 use super::content::{Content, RunFacts};
 use entries::{Entries, Scored};
@@ -169,8 +169,8 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
     }
     let files: Vec<&str> = sources.iter().map(|(_, source)| &*source.blake3).collect();
     let compared = compare_once(&sets, &files);
-    let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
-    let content = Content::compared(sets, compared, &bootstrap, facts);
+    let facts = RunFacts::default();
+    let content = Content::compared(sets, compared, facts);
     let mut rows: Vec<Row> = (content.summaries.iter().zip(sources))
         .map(|(summary, (matcher, source))| Row {
             rank: 0,
@@ -291,8 +291,8 @@ mod tests {
             "the test sees nothing"
         );
         let compared = compare_once(&sets, &files);
-        let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
-        let content = Content::compared(sets, compared, &bootstrap, facts);
+        let facts = RunFacts::default();
+        let content = Content::compared(sets, compared, facts);
         let groups: Vec<&str> = content.summaries.iter().map(|row| &*row.group).collect();
         assert_eq!(groups, ["a", "b", "b", "b", "b", "b", "b", "b"]);
         // What the figure of the leads says agrees with the letters.
@@ -363,8 +363,8 @@ mod tests {
         });
         let compared = compare_once(&sets, &["worse", "good", "good", "good"]);
         assert_eq!(compared.letters, ["b", "a", "a", "a"]);
-        let (bootstrap, facts) = (Bootstrap::default(), RunFacts::default());
-        let content = Content::compared(sets.to_vec(), compared, &bootstrap, facts);
+        let facts = RunFacts::default();
+        let content = Content::compared(sets.to_vec(), compared, facts);
         let certain: Vec<(&str, bool)> = (content.leads.iter())
             .map(|lead| (&*lead.other.0, lead.difference.is_certain))
             .collect();

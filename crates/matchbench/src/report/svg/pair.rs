@@ -234,7 +234,7 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let at = (12.0 + 160.0 * DISTANCES.len() as f64, top);
     let (error, lines) = match view.model {
         Model::Pose => (
-            "from the true epipolar line",
+            "Sampson distance from the truth",
             "circles: matches whose epipolar lines are drawn, true white, estimated yellow",
         ),
         Model::Homography => (

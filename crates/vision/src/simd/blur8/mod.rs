@@ -6,9 +6,9 @@
 //! take them apart. So four vectors hold every fourth column each. What is to the right of a column of one vector is
 //! then in the same lane of the next vector, or one lane further in the first.
 //!
-//! *Benefit*: with AVX2 0.4 of the time of the portable text, since its sums between the passes are written, and read
+//! *Benefit*: with AVX2 0.4 of the time of the portable code, since its sums between the passes are written, and read
 //! again at seven places of which most cross cache lines. *Correctness*: each pixel is computed by the operations of
-//! the portable text in its order. The middle pixel counts twice, and is multiplied by twice its weight, which rounds
+//! the portable code in its order. The middle pixel counts twice, and is multiplied by twice its weight, which rounds
 //! alike. A test compares the bits.
 
 #[cfg(target_arch = "x86_64")]

@@ -6,7 +6,7 @@
 //! the four values counts. Four values of two squares fill a vector.
 //!
 //! *Benefit*: some 30 instructions for a square, instead of 110 one by one. *Correctness*: shares are computed by the
-//! operations of the portable text in its order. The rest are whole numbers modulo 2^32, whose sum does not depend on
+//! operations of the portable code in its order. The rest are whole numbers modulo 2^32, whose sum does not depend on
 //! the order; a test compares both.
 
 use std::arch::x86_64::{

@@ -2,7 +2,7 @@
 //!
 //! *Benefit*: nearly half of the vectors that are not aligned lie across two cache lines and cost two loads, and the
 //! pass is limited by loads. The vectors to the right are put together from registers instead, one shuffle each.
-//! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
+//! *Correctness*: each lane does what the portable code does for its column, in the same order; a test
 //! compares all bits.
 
 use std::arch::x86_64::{

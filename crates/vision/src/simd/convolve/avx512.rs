@@ -1,11 +1,11 @@
 //! The two passes with vectors of 64 bytes, written by hand.
 //!
 //! *Benefit*: the vertical pass keeps at least eight sums at work, as many as two units of four cycles need, and for eight
-//! rows at once loads a row for half as many sums again. Compiled from the portable text it has four sums, or, asked for
+//! rows at once loads a row for half as many sums again. Compiled from the portable code it has four sums, or, asked for
 //! eight, puts them into memory. In the horizontal pass every vector of
 //! 64 bytes that is not aligned lies across two cache lines and costs two loads. Those to the right are put together
 //! from registers instead, one instruction each, since the compiler knows how far they are shifted.
-//! *Correctness*: each lane does what the portable text does for its column, in the same order; a test
+//! *Correctness*: each lane does what the portable code does for its column, in the same order; a test
 //! compares all bits. A comment in front of each access says why it is within its slice.
 
 use std::arch::x86_64::{

@@ -1,7 +1,7 @@
 //! The step with vectors of 32 bytes, written by hand.
 //!
 //! *Benefit*: flows from the left are put together from two vectors of flows by a permutation and a blend. The
-//! compiler takes three shuffles, which wait for each other. *Correctness*: each lane does what the portable text does
+//! compiler takes three shuffles, which wait for each other. *Correctness*: each lane does what the portable code does
 //! for its column, in the same order; a test compares all bits.
 
 use std::arch::x86_64::{

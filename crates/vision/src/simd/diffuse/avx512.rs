@@ -4,7 +4,7 @@
 //! one row after the other needs, two are read once less. Pixels to the right and flows from the left are put together
 //! from two vectors by one shift each, and the last columns of a row are a vector with a mask. The compiler takes
 //! permutations with copies, and makes the last columns, up to fifteen of them, one by one. *Correctness*: each lane
-//! does what the portable text does for its pixel, in the same order; a test compares all bits.
+//! does what the portable code does for its pixel, in the same order; a test compares all bits.
 
 use std::arch::x86_64::{
     __m512, _mm512_add_ps, _mm512_fmadd_ps, _mm512_maskz_mul_ps, _mm512_mul_ps, _mm512_set1_ps,

@@ -3,7 +3,7 @@
 //! *How it works.* Along a row each column first gets the largest and the smallest of its three differences;
 //! those of its neighbours, already there, make the extremum of all nine.
 //!
-//! *Benefit*: eight loads for eight columns where the portable text has 18, most of them not aligned.
+//! *Benefit*: eight loads for eight columns where the portable code has 18, most of them not aligned.
 //! *Correctness*: maxima and comparisons are exact in any order; a test compares the columns found.
 
 use std::arch::x86_64::{

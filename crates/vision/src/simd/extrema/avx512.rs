@@ -3,10 +3,10 @@
 //! *How it works.* Along a row each column first gets the largest and the smallest of its three differences
 //! in a layer; those of its neighbours, already there, make the extremum of all nine. A column
 //! passes that is one of these, and beats the difference in either other layer at its place too. The few
-//! that do are looked at by the portable text. Three scales are searched together, since the differences of one are the
+//! that do are looked at by the portable code. Three scales are searched together, since the differences of one are the
 //! other layers of the next.
 //!
-//! *Benefit*: 14 loads for sixteen columns of three scales where the portable text has 54, 36
+//! *Benefit*: 14 loads for sixteen columns of three scales where the portable code has 54, 36
 //! of them across two cache lines; and all rows, which do not fit into the nearest cache, are read once.
 //! *Correctness*: maxima and comparisons are exact in any order; a test
 //! compares the columns found. Lanes beyond the rows are not read.

@@ -1,7 +1,7 @@
 //! [Maxima](super::strict_maxima) with vectors of 64 bytes, written by hand.
 //!
-//! *Benefit*: a comparison gives one bit for each column; from the portable text the compiler makes bytes, and takes
-//! them from memory to bring them together. *Correctness*: the comparisons are those of the portable text; a test
+//! *Benefit*: a comparison gives one bit for each column; from the portable code the compiler makes bytes, and takes
+//! them from memory to bring them together. *Correctness*: the comparisons are those of the portable code; a test
 //! compares both.
 
 use std::arch::x86_64::{

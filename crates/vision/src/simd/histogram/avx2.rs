@@ -7,7 +7,7 @@
 //! each would have to be shuffled out. Places come first, since they are read first, and two blocks are made before
 //! either is added. With more of them the processor would look at sums alone, which wait for one another.
 //!
-//! *Benefit*: two vectors are read and written for a pixel, where the portable text has four. *Correctness*: the same
+//! *Benefit*: two vectors are read and written for a pixel, where the portable code has four. *Correctness*: the same
 //! products are added in the same order, except products with zero, which change no sum; a test compares all bits.
 
 use std::arch::x86_64::{

@@ -5,7 +5,7 @@
 //! are not zero into the cells around it, and eight shares, of which two are not zero; each sum gets the
 //! product. Weights and shares are made for sixteen pixels at a time.
 //!
-//! *Benefit*: in the portable text each pixel adds to its own few bins, and a sum in memory waits 16 cycles for the
+//! *Benefit*: in the portable code each pixel adds to its own few bins, and a sum in memory waits 16 cycles for the
 //! one before it. Here no sum waits, and there is no branch. Most of the products are zero, so a processor that
 //! executes vectors of 64 bytes in halves is faster with those of 32 ([`super::avx2`]). *Correctness*: the portable
 //! text adds the same products in the same order, except products with zero, which change no sum; a test compares

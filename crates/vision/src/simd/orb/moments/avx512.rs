@@ -2,7 +2,7 @@
 //!
 //! Two rows of a patch fill a vector, and one instruction multiplies its pixels by their offsets and sums the products.
 //! *Correctness*: moments are whole numbers, which no order of sums changes; a test compares them with those of the
-//! portable text.
+//! portable code.
 
 use std::arch::x86_64::{
     __m512i, _mm256_loadu_si256, _mm512_add_epi32, _mm512_castsi256_si512, _mm512_dpbusd_epi32,

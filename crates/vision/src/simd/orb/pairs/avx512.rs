@@ -6,7 +6,7 @@
 //! found, and all others keep what they have.
 //!
 //! *Benefit*: looking up place by place takes four instructions for each of 512 places. *Correctness*: places are
-//! turned and rounded by the operations of the portable text in its order; a test compares both.
+//! turned and rounded by the operations of the portable code in its order; a test compares both.
 
 use std::arch::x86_64::{
     __m512, __m512i, __mmask32, __mmask64, _mm512_add_epi16, _mm512_add_ps, _mm512_castps_si512,

@@ -20,7 +20,7 @@ use crate::seed::Rng;
 
 /// A sampler that first draws occupied cells of a grid, then data in these cells.
 #[derive(Clone, Debug)]
-pub struct EvenSampler {
+pub struct SpreadSampler {
     /// Indices of the data, sorted by cell.
     data: Vec<u32>,
     /// Where each occupied cell starts in `data`, and the end.
@@ -29,7 +29,7 @@ pub struct EvenSampler {
     chosen: Vec<u32>,
 }
 
-impl EvenSampler {
+impl SpreadSampler {
     /// A sampler of matches, with a grid of `cells` x `cells` cells over the points of view `a`. Matches whose
     /// coordinates are not finite share a cell.
     ///
@@ -59,7 +59,7 @@ impl EvenSampler {
     }
 }
 
-impl Sampling for EvenSampler {
+impl Sampling for SpreadSampler {
     /// # Panics
     /// If `sample` is longer than there are data.
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {
@@ -107,7 +107,7 @@ mod tests {
                 (Point2::new(at, at), Point2::origin())
             })
             .collect();
-        let mut spread = EvenSampler::new(&pairs, 20);
+        let mut spread = SpreadSampler::new(&pairs, 20);
         let mut rng = Seed(1).rng();
         let mut sample = [0; 5];
         let (mut first, mut crowd) = (0, 0);
@@ -130,7 +130,7 @@ mod tests {
                 .into_iter()
                 .collect();
             let mut sample = [0; 5];
-            EvenSampler::new(&pairs, 20).draw(&mut Seed(1).rng(), &mut sample);
+            SpreadSampler::new(&pairs, 20).draw(&mut Seed(1).rng(), &mut sample);
             sample.sort_unstable();
             assert!(sample.windows(2).all(|w| w[0] < w[1]));
         }
