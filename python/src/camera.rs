@@ -175,12 +175,8 @@ fn checked([fx, fy, cx, cy]: [f64; 4], distortion: Option<[f64; 5]>) -> PyResult
     let k = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
     let mut inner = geometry::Camera::from_matrix(&k).map_err(value_error)?;
     if let Some([k1, k2, p1, p2, k3]) = distortion {
-        if ![k1, k2, p1, p2, k3].iter().all(|k| k.is_finite()) {
-            return Err(value_error(
-                "the distortion has a number that is not finite",
-            ));
-        }
         inner.distortion = Some(Distortion { k1, k2, p1, p2, k3 });
     }
+    inner.check().map_err(value_error)?;
     Ok(Camera { inner })
 }

@@ -100,7 +100,7 @@ impl Features {
         responses: Option<Bound<'_, PyAny>>,
         octaves: Option<Bound<'_, PyAny>>,
         lafs: Option<Bound<'_, PyAny>>,
-        bits: Option<usize>,
+        #[pyo3(from_py_with = whole)] bits: Option<usize>,
         origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();

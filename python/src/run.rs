@@ -76,14 +76,14 @@ pub(crate) fn run(
     out: PathBuf,
     settings: Vec<String>,
     #[pyo3(from_py_with = whole)] seed: u64,
-    repeat: NonZeroU32,
-    limit: Option<NonZeroUsize>,
-    sample: Option<NonZeroUsize>,
-    time_budget_ms: Option<NonZeroU32>,
+    #[pyo3(from_py_with = whole)] repeat: NonZeroU32,
+    #[pyo3(from_py_with = whole)] limit: Option<NonZeroUsize>,
+    #[pyo3(from_py_with = whole)] sample: Option<NonZeroUsize>,
+    #[pyo3(from_py_with = whole)] time_budget_ms: Option<NonZeroU32>,
     keep_matches: &str,
     retry_failed: bool,
     cache: Option<PathBuf>,
-    threads: Option<NonZeroUsize>,
+    #[pyo3(from_py_with = whole)] threads: Option<NonZeroUsize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Tasks, Vec<String>)> {
     let cancel = Cancel::default();
@@ -203,7 +203,7 @@ fn listening(
     run: &Run<'_>,
     observer: &Progress,
     cancel: &Cancel,
-    threads: Option<NonZeroUsize>,
+    #[pyo3(from_py_with = whole)] threads: Option<NonZeroUsize>,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<RunSummary> {
     let pool = matchbench_cli::pool(threads).map_err(|broken| error(format!("{broken:#}")))?;

@@ -11,6 +11,7 @@ use pyo3::types::PyDict;
 
 use crate::detached::detached;
 use crate::errors::error;
+use crate::integers::whole;
 
 /// One row per dataset, matcher and estimator, as a dict of columns; and sentences that say which is best.
 #[pyfunction]
@@ -70,7 +71,7 @@ pub(crate) fn report(
     folder: PathBuf,
     out: Option<PathBuf>,
     bundle: Option<PathBuf>,
-    pictures: usize,
+    #[pyo3(from_py_with = whole)] pictures: usize,
 ) -> PyResult<(PathBuf, Vec<String>)> {
     let reported = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;

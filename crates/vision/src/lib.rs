@@ -40,8 +40,8 @@
 //! it with the `image` crate.
 //!
 //! The modules, in the order of the data: [`image`], [`features`], [`matching`], [`geometry`], [`robust`]. Random
-//! choices come from a [`seed::Seed`] that the caller passes. With the feature `serde`, parameters and results
-//! can be read and written.
+//! choices come from a [`seed::Seed`] that the caller passes. With the feature `serde`, parameters, cameras
+//! and the reasons why there is no model can be read and written.
 
 pub mod features;
 pub mod geometry;

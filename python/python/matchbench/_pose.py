@@ -1,5 +1,7 @@
 """Relative pose: our estimators by name, and PoseLib's function, computed by the estimator that we recommend."""
 
+import numbers
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -37,7 +39,7 @@ def estimator(id: str, **params: Any) -> Estimator:
     return Estimator(id, to_json(params))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraPose:
     """The pose `x_2 = R x_1 + t`, with PoseLib's names."""
 
@@ -84,7 +86,7 @@ def estimate_relative_pose(
     seed = 0
     for key, value in ransac_opt.items():
         if key == "seed":
-            seed = int(value)
+            seed = operator.index(value)
         elif key == "progressive_sampling":
             if ambiguity is not None and not value:
                 raise ValueError("ambiguity orders the samples; leave it out, or progressive_sampling")
@@ -99,7 +101,7 @@ def estimate_relative_pose(
         else:
             _put(params, "bundle_opt", {"max_iterations": "final_steps"}, key, value, "loss_type")
     most = params.get("max_iterations")
-    if isinstance(most, int) and most < _LEAST_ITERATIONS and params.get("confidence") != 1:
+    if isinstance(most, numbers.Integral) and most < _LEAST_ITERATIONS and params.get("confidence") != 1:
         # As in PoseLib, the least number needs no word where the most is smaller.
         params.setdefault("min_iterations", most)
     best = estimator("best", **params)

@@ -142,7 +142,12 @@ def _any_matcher(given: Any) -> Any:
         return given
     if isinstance(given, os.PathLike):
         return os.fspath(given)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    if isinstance(given, type):
+        raise TypeError(f"{given.__name__} is a class; give an instance of it")
     if isinstance(given, Matcher):
+        if type(given) is not Matcher:
+            own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
+            raise TypeError(f"{own}; give an object with extract and match that uses one")
         return given.native
     matching = getattr(given, "match", None)
     extract = getattr(given, "extract", None)

@@ -77,16 +77,40 @@ fn refusal<P: DeserializeOwned>(
     )
 }
 
-/// The name of the first parameter that is refused by itself for its type, which the error does not name.
-fn culprit<P: DeserializeOwned>(config: &Value) -> Option<&str> {
-    let entries = config.as_object()?.iter();
-    let is_refused = |name: &str, value: &Value| {
-        let alone = Value::Object(Map::from_iter([(name.to_owned(), value.clone())]));
-        let refused = P::deserialize(alone).err();
-        refused.is_some_and(|error| error.to_string().starts_with("invalid type"))
+/// The name of the first parameter, at any depth, that is refused by itself for its type or its size, which the error
+/// does not name.
+fn culprit<P: DeserializeOwned>(config: &Value) -> Option<String> {
+    let mut leaves = Vec::new();
+    collect_leaves(config, &mut Vec::new(), &mut leaves);
+    let is_refused = |path: &[&str], value: &Value| {
+        let alone = (path.iter().rev()).fold(value.clone(), |inner, part| {
+            Value::Object(Map::from_iter([((*part).to_owned(), inner)]))
+        });
+        let refused = P::deserialize(alone).map_err(|error| error.to_string());
+        refused.is_err_and(|error| {
+            error.starts_with("invalid type") || error.starts_with("invalid value")
+        })
     };
-    let mut refused = entries.filter(|(name, value)| is_refused(name, value));
-    refused.next().map(|(name, _)| &**name)
+    let mut refused = leaves
+        .into_iter()
+        .filter(|(path, value)| is_refused(path, value));
+    refused.next().map(|(path, _)| path.join("."))
+}
+
+/// Appends all values of an object that are no objects, each with the names on the way to it.
+fn collect_leaves<'a>(
+    value: &'a Value,
+    path: &mut Vec<&'a str>,
+    leaves: &mut Vec<(Vec<&'a str>, &'a Value)>,
+) {
+    let Value::Object(entries) = value else {
+        return leaves.push((path.clone(), value));
+    };
+    for (name, value) in entries {
+        path.push(name);
+        collect_leaves(value, path, leaves);
+        path.pop();
+    }
 }
 
 /// An error of serde, with the types of Rust as users call them.
@@ -96,7 +120,8 @@ fn in_plain_words(error: &str) -> String {
     };
     let wanted = match wanted {
         "f32" | "f64" => "a number",
-        "u8" | "u32" | "u64" | "usize" => "a whole number",
+        "u8" => "a whole number, 0 to 255",
+        "u32" | "u64" | "usize" => "a whole number, 0 or more",
         "a boolean" => "true or false",
         other => other,
     };
@@ -176,6 +201,13 @@ mod tests {
     struct Params {
         ratio: f64,
         count: usize,
+        part: Part,
+    }
+
+    #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Part {
+        ratio: f64,
     }
 
     #[test]
@@ -185,7 +217,7 @@ mod tests {
             parsed,
             Params {
                 ratio: 0.8,
-                count: 0
+                ..Params::default()
             }
         );
         assert_eq!(parse_params::<Params>("x", None), Ok(Params::default()));
@@ -196,12 +228,13 @@ mod tests {
         let defaults = || Params {
             ratio: 0.5,
             count: 7,
+            part: Part::default(),
         };
         let parse = |config: Option<Value>| parse_params_over("x", defaults(), config.as_ref());
         assert_eq!(parse(None), Ok(defaults()));
         let expected = Params {
-            count: 7,
             ratio: 0.8,
+            ..defaults()
         };
         assert_eq!(parse(Some(json!({"ratio": 0.8}))), Ok(expected));
         for wrong in [json!({"ratoi": 0.8}), json!({"count": {}}), json!([1])] {
@@ -220,7 +253,14 @@ mod tests {
     fn what_is_refused_is_named() {
         for (config, named) in [
             (json!({"ratoi": 0.8}), "ratoi"),
-            (json!({"count": -1}), "-1"),
+            (
+                json!({"count": -1}),
+                "`count`: invalid value: integer `-1`, expected a whole number, 0 or more",
+            ),
+            (
+                json!({"part": {"ratio": "high"}}),
+                "`part.ratio`: invalid type: string \"high\", expected a number",
+            ),
             (
                 json!({"count": 2, "ratio": "high"}),
                 "`ratio`: invalid type: string \"high\", expected a number",

@@ -222,10 +222,14 @@ pub(super) fn mirror(index: isize, length: usize) -> usize {
     if length == 1 {
         return 0;
     }
-    // One reflection after the other: divisions would be slower.
     let mut index = index.unsigned_abs();
+    let period = 2 * (length - 1);
+    // One reflection after the other, unless there would be many: divisions are slower.
+    if index > 4 * period {
+        index %= period;
+    }
     while index >= length {
-        index = index.abs_diff(2 * (length - 1));
+        index = index.abs_diff(period);
     }
     index
 }
@@ -239,6 +243,14 @@ mod tests {
         let of_four: Vec<usize> = (-4..8).map(|i| mirror(i, 4)).collect();
         assert_eq!(of_four, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1]);
         assert_eq!((mirror(-3, 1), mirror(5, 1), mirror(-1, 2)), (0, 0, 1));
+        assert_eq!(
+            (
+                mirror(-6_000_004, 4),
+                mirror(6_000_005, 4),
+                mirror(1_000_001, 2)
+            ),
+            (2, 1, 1)
+        );
     }
 
     #[test]

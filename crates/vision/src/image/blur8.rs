@@ -12,7 +12,7 @@ use crate::simd::{weigh_along_u8, weigh_both_u8, weigh_rows_u8};
 /// pixels and normalised.
 ///
 /// # Panics
-/// If `sigma` is not positive and finite.
+/// If `sigma` is below 0.001 or not finite.
 pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayImage {
     let mut blurred = Vec::new();
     gaussian_blur_u8_inside(image, radius, sigma, 0, &mut blurred);
@@ -23,7 +23,7 @@ pub fn gaussian_blur_u8(image: &GrayImage, radius: usize, sigma: f64) -> GrayIma
 /// image; its other pixels mean nothing. So it can be used for one image after the other without being cleared.
 ///
 /// # Panics
-/// If `sigma` is not positive and finite.
+/// If `sigma` is below 0.001 or not finite.
 pub(crate) fn gaussian_blur_u8_inside(
     image: &GrayImage,
     radius: usize,
@@ -32,7 +32,7 @@ pub(crate) fn gaussian_blur_u8_inside(
     blurred: &mut Vec<u8>,
 ) {
     assert!(
-        sigma > 0.0 && sigma.is_finite(),
+        sigma >= 1e-3 && sigma.is_finite(),
         "a Gaussian of standard deviation {sigma}"
     );
     let half = half_kernel(radius, sigma);

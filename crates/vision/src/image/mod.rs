@@ -42,9 +42,9 @@ impl Size {
         Self { width, height }
     }
 
-    /// Number of pixels.
+    /// Number of pixels; the largest number where it is more.
     pub const fn area(self) -> usize {
-        self.width * self.height
+        self.width.saturating_mul(self.height)
     }
 }
 

@@ -1,7 +1,8 @@
 //! A matcher from parts: an extractor, a search, selectors.
 
 use super::{
-    Correspondences, Matcher, MatcherError, NearestNeighbours, RatioTest, Search, Selector, View,
+    Correspondence, Correspondences, Matcher, MatcherError, NearestNeighbours, RatioTest, Search,
+    Selector, View,
 };
 use crate::features::{Detections, Extractor, Features};
 use crate::image::{GrayImage, Size};
@@ -54,6 +55,11 @@ impl Matcher for Pipeline {
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
+        let [of_a, of_b] = [a, b].map(|features| features.descriptors.kind());
+        if of_a != of_b {
+            let message = format!("descriptors of different kinds, {of_a:?} and {of_b:?}");
+            return Err(MatcherError(message));
+        }
         let first = self.selectors.first().map(|first| &**first);
         Ok(self.search.search_for(a, b, first))
     }
@@ -65,6 +71,18 @@ impl Matcher for Pipeline {
         putative: Correspondences,
         seed: Seed,
     ) -> Result<Correspondences, MatcherError> {
+        let exist = |found: &Correspondence| {
+            (found.a as usize) < a.features.len() && (found.b as usize) < b.features.len()
+        };
+        if let Some(wrong) = putative.iter().find(|found| !exist(found)) {
+            let message = format!("{wrong:?} names a feature that does not exist");
+            return Err(MatcherError(message));
+        }
+        if self.uses_pixels() && (a.image.is_none() || b.image.is_none()) {
+            return Err(MatcherError(
+                "a selector needs the pixels of both images".into(),
+            ));
+        }
         let mut matches = putative;
         for (index, selector) in self.selectors.iter().enumerate() {
             selector.select(a, b, &mut matches, seed.number(index as u64));
@@ -78,5 +96,52 @@ impl Matcher for Pipeline {
 
     fn extraction_memory(&self, size: Size) -> usize {
         self.extractor.memory(size)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{DescriptorKind, Descriptors, Orb, OrbParams};
+    use crate::matching::{Kvld, KvldParams, MutualCheck};
+
+    fn of_orb(selector: Box<dyn Selector>) -> Pipeline {
+        let mut pipeline = Pipeline::of_features(Orb::new(OrbParams::default()).expect("defaults"));
+        pipeline.selectors = vec![selector];
+        pipeline
+    }
+
+    fn nothing(kind: DescriptorKind) -> Features {
+        Features::new(Size::new(20, 20), Vec::new(), Descriptors::empty(kind))
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_an_error() {
+        let pipeline = of_orb(Box::new(MutualCheck));
+        let [floats, bits] = [
+            DescriptorKind::Float { dim: 8 },
+            DescriptorKind::Binary { bits: 256 },
+        ]
+        .map(nothing);
+        assert!(pipeline.search(&bits, &bits).is_ok());
+        assert!(pipeline.search(&floats, &bits).is_err());
+        let view = View {
+            features: &bits,
+            image: None,
+            camera: None,
+        };
+        assert!(pipeline.select(view, view, Vec::new(), Seed(0)).is_ok());
+        let unknown = vec![Correspondence {
+            a: 0,
+            b: 0,
+            distance: 0.0,
+            second: 1.0,
+        }];
+        assert!(pipeline.select(view, view, unknown, Seed(0)).is_err());
+        let kvld = of_orb(Box::new(
+            Kvld::new(KvldParams::default()).expect("defaults"),
+        ));
+        let refused = kvld.select(view, view, Vec::new(), Seed(0));
+        assert!(refused.is_err_and(|error| error.to_string().contains("pixels")));
     }
 }

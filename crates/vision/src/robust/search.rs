@@ -240,10 +240,23 @@ impl Task<'_> {
     where
         P: Problem<Model = Matrix3<f64>>,
     {
-        let first = self.first(noise_iterations).sampled(problem, &guess, sprt);
-        let drawn = first
-            .as_ref()
-            .map_or(noise_iterations, |first| first.samples);
+        // The number of samples after which the caller ended the first search.
+        let ended = Cell::new(None);
+        let stop = |samples| {
+            let stops = (self.stop)(samples);
+            if stops {
+                ended.set(Some(samples));
+            }
+            stops
+        };
+        let first = Task {
+            stop: &stop,
+            ..self.first(noise_iterations)
+        };
+        let first = first.sampled(problem, &guess, sprt);
+        let drawn = (first.as_ref().map(|first| first.samples))
+            .or(ended.get())
+            .unwrap_or(noise_iterations);
         let score = match &first {
             Some(first) => {
                 let sigma = self.noise_px(problem, &first.model);
@@ -251,12 +264,13 @@ impl Task<'_> {
             }
             None => guess,
         };
-        // The number of samples after which the caller ended the search.
+        // The number of samples after which the caller ended the second search.
         let ended = Cell::new(None);
-        let stop = |samples| {
-            let stops = (self.stop)(drawn + samples);
+        let stop = |samples: usize| {
+            let samples = drawn.saturating_add(samples);
+            let stops = (self.stop)(samples);
             if stops {
-                ended.set(Some(drawn + samples));
+                ended.set(Some(samples));
             }
             stops
         };
@@ -266,12 +280,12 @@ impl Task<'_> {
         };
         let found = rest.sampled(problem, &score, sprt);
         let found = found.map(|found| Consensus {
-            samples: drawn + found.samples,
+            samples: drawn.saturating_add(found.samples),
             ..found
         });
         // So too if the second search has no more samples than the first.
         let most = self.search.max_iterations;
-        let few = (most <= noise_iterations).then_some(drawn + most);
+        let few = (most <= noise_iterations).then(|| drawn.saturating_add(most));
         let (Some(first), Some(samples)) = (first, ended.get().or(few)) else {
             return found;
         };

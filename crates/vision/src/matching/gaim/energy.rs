@@ -47,6 +47,9 @@ pub(super) struct Problem {
 /// Cost of a collision.
 const COLLISION: i64 = 1000 * UNIT as i64;
 
+/// Largest cost by descriptor: as much as very many collisions, and so little that sums of all nodes do not overflow.
+const MAX_UNARY: f64 = 1e6 * COLLISION as f64;
+
 impl Problem {
     /// The problem of choosing one of the `candidates` of each node, which are sorted by node. Candidates whose
     /// place or frame is not finite are left out.
@@ -64,10 +67,11 @@ impl Problem {
             let inverse = matrix(a.frame(of_node[0].a as usize)).try_inverse();
             let own: Vec<Label> = (of_node.iter().zip(first..))
                 .filter_map(|(m, index)| {
+                    let unary = params.unary_weight * f64::from(m.distance) * UNIT;
                     let label = Label {
                         at: b.keypoints[m.b as usize].at.cast().coords,
                         b_from_a: matrix(b.frame(m.b as usize)) * inverse?,
-                        unary: (params.unary_weight * f64::from(m.distance) * UNIT) as i64,
+                        unary: unary.min(MAX_UNARY) as i64,
                         index,
                     };
                     let sum = node.sum() + label.at.sum() + label.b_from_a.sum();

@@ -247,6 +247,23 @@ fn few_or_broken_features_are_no_trouble() {
 }
 
 #[test]
+fn distances_of_any_size_overflow_nowhere() {
+    let mut rng = Seed(8).rng();
+    let list: Vec<Feature> = (0..60).map(|_| random_feature(&mut rng)).collect();
+    let scaled = |scale: f32| {
+        let list: Vec<Feature> = (list.iter())
+            .map(|(at, frame, row)| (*at, *frame, row.map(|value| scale * value)))
+            .collect();
+        run(&features(&list), &features(&list)).len()
+    };
+    let kept = scaled(1.0);
+    assert!(kept > 30, "{kept}");
+    for scale in [1e14, 1e18] {
+        assert_eq!(scaled(scale), kept, "{scale}");
+    }
+}
+
+#[test]
 fn parameters_out_of_range_are_named() {
     let default = GaimParams::default();
     for (name, params) in [

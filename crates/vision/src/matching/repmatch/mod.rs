@@ -215,7 +215,8 @@ struct Scene<'a> {
 /// Diagonal of an image at depth 1.
 fn diagonal(view: View<'_>, camera: &Camera) -> f64 {
     let Size { width, height } = view.features.size;
-    ((width * width + height * height) as f64).sqrt() / camera.mean_focal()
+    let (width, height) = (width as f64, height as f64);
+    (width * width + height * height).sqrt() / camera.mean_focal()
 }
 
 #[cfg(test)]

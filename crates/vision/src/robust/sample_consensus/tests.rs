@@ -276,6 +276,13 @@ fn stopping_at_once_finds_nothing_and_stopping_later_takes_no_more_samples() {
         found.expect("a pose").inliers
     });
     assert_eq!(before, after);
+    let endless = SampleConsensusParams {
+        max_iterations: usize::MAX,
+        ..presets::adaptive()
+    };
+    let endless = SampleConsensus::new(endless).expect("no limit is in range");
+    let found = endless.estimate_until(views, Seed(1), &|samples| samples >= 160);
+    assert!(found.is_ok_and(|found| found.iterations == 160));
 }
 
 #[test]
