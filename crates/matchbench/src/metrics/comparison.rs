@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use super::average_matches::is_right;
 use super::intervals::Ratio;
-use super::scores::{AP_THRESHOLD, HEADLINE_PX};
-use super::success::gain;
+use super::scores::AP_THRESHOLD;
+use super::success::{HEADLINE_PX, gain};
 use super::{
     Angle, Difference, Groups, Model, PairResult, ResultSet, Term, corner_auc, is_above,
     ranking_auc,

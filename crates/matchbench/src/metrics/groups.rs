@@ -12,8 +12,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::intervals::{ALPHA, Dyads, MIN_IMAGES};
+use super::intervals::{Dyads, MIN_IMAGES};
 use super::significance::p_value;
+use super::students_t::ALPHA;
 use super::success::gain;
 use super::{Angle, Model, PairResult, ResultSet};
 

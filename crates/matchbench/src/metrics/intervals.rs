@@ -34,7 +34,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::students_t;
+use super::students_t::{self, ALPHA};
 
 /// Units below which there is no interval, and no difference is certain. A difference that has the same sign on each
 /// of five images has it by chance in 1 of 16 cases.
@@ -238,9 +238,6 @@ impl Ratio {
         })
     }
 }
-
-/// The chance that an interval leaves out the true score, and that of calling a difference certain where there is none.
-pub(super) const ALPHA: f64 = 0.05;
 
 #[cfg(test)]
 mod tests {

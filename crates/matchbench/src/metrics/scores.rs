@@ -13,7 +13,7 @@ use super::depth_scores;
 use super::intervals::Ratio;
 use super::pair_result::FOUND_PX;
 use super::score_kind::{Detail, Notation, ScoreKind, Spread, Subject, mean_of_terms, share_term};
-use super::success::share_of_thresholds;
+use super::success::{HEADLINE_PX, share_of_thresholds};
 use super::{
     Angle, Interval, Model, PairResult, SuccessCurve, Term, corner_auc, corner_auc_interval,
     exact_auc, maa,
@@ -197,9 +197,6 @@ const fn accuracy<const PX: usize>(
         detail,
     }
 }
-
-/// Pixels at which the AUC of homographies is the one that methods are ranked by.
-pub(super) const HEADLINE_PX: f64 = 3.0;
 
 /// The score that methods are ranked by: of poses the paper's AUC, of homographies that of the corner error at
 /// 3 pixels. NaN where there are no pairs.

@@ -4,9 +4,10 @@
 //! A difference of so many standard errors has a two-sided p-value by Student's t distribution, with as many degrees of
 //! freedom as units less one. It is at most 5 % exactly where the 95 % interval of the difference leaves out 0.
 
-use super::intervals::{ALPHA, MIN_IMAGES, Ratio};
+use super::intervals::{MIN_IMAGES, Ratio};
 use super::ranks::ROUNDING;
-use super::{Interval, Term, students_t};
+use super::students_t::{self, ALPHA};
+use super::{Interval, Term};
 
 /// How far a score of one method is from that of another on the same pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

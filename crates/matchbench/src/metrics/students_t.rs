@@ -3,7 +3,8 @@
 //!
 //! Formulas of Abramowitz and Stegun, "Handbook of Mathematical Functions".
 
-use super::intervals::ALPHA;
+/// The chance that an interval leaves out the true score, and that of calling a difference certain where there is none.
+pub(super) const ALPHA: f64 = 0.05;
 
 /// The chance that t, with so many degrees of freedom, is farther from 0 than `t`: the finite series 26.7.3 and
 /// 26.7.4.

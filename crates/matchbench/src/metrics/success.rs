@@ -10,8 +10,10 @@ use std::ops::RangeInclusive;
 
 use serde::{Serialize, Serializer};
 
-use super::scores::HEADLINE_PX;
 use super::{Angle, Model, PairResult};
+
+/// Pixels at which the AUC of homographies is the one that methods are ranked by.
+pub(super) const HEADLINE_PX: f64 = 3.0;
 
 /// The thresholds of the paper, in degrees.
 pub const THRESHOLDS: RangeInclusive<usize> = 1..=15;
