@@ -130,6 +130,14 @@ impl Hdf5 {
         Ok(())
     }
 
+    /// The shape that the array at `path` says it has; `None` if it cannot be read.
+    pub(crate) fn stated_shape(&self, path: &str) -> Option<Vec<usize>> {
+        let sides = self.file.dataset(path).ok()?;
+        (sides.shape().iter())
+            .map(|&side| usize::try_from(side).ok())
+            .collect()
+    }
+
     /// The array at `path`.
     ///
     /// # Errors

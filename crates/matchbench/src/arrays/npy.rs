@@ -46,6 +46,33 @@ pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
 /// # Errors
 /// If it is not an array, or does not agree with its header.
 pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array, String> {
+    let Header {
+        element,
+        by_columns,
+        shape,
+    } = read_header(file)?;
+    let size = bytes_of(&shape, element).filter(|&bytes| bytes <= most_bytes);
+    let size =
+        size.ok_or_else(|| format!("its shape {shape:?} is larger than {most_bytes} bytes"))?;
+    let mut bytes = Vec::new();
+    // Memory grows with the bytes that exist, not with the claimed size.
+    (file.take(size + 1).read_to_end(&mut bytes)).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > size {
+        return Err("it is longer than its header says".into());
+    }
+    if by_columns {
+        Array::by_columns(shape, element, bytes)
+    } else {
+        Array::new(shape, element, bytes)
+    }
+}
+
+/// What the header of an array of numbers says of its shape.
+pub(super) fn stated_shape(file: &mut impl Read) -> Option<Vec<usize>> {
+    read_header(file).ok().map(|header| header.shape)
+}
+
+fn read_header(file: &mut impl Read) -> Result<Header, String> {
     let mut start = [0; 8];
     read(file, &mut start)?;
     if !start.starts_with(MAGIC) {
@@ -70,26 +97,8 @@ pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array,
     let mut header = vec![0; length];
     read(file, &mut header)?;
     let header = String::from_utf8_lossy(&header);
-    let Header {
-        element,
-        by_columns,
-        shape,
-    } = parse_header(&header)
-        .ok_or_else(|| format!("its header `{}` is not understood", header.trim_end()))??;
-    let size = bytes_of(&shape, element).filter(|&bytes| bytes <= most_bytes);
-    let size =
-        size.ok_or_else(|| format!("its shape {shape:?} is larger than {most_bytes} bytes"))?;
-    let mut bytes = Vec::new();
-    // Memory grows with the bytes that exist, not with the claimed size.
-    (file.take(size + 1).read_to_end(&mut bytes)).map_err(|error| error.to_string())?;
-    if bytes.len() as u64 > size {
-        return Err("it is longer than its header says".into());
-    }
-    if by_columns {
-        Array::by_columns(shape, element, bytes)
-    } else {
-        Array::new(shape, element, bytes)
-    }
+    parse_header(&header)
+        .ok_or_else(|| format!("its header `{}` is not understood", header.trim_end()))?
 }
 
 fn read(file: &mut impl Read, into: &mut [u8]) -> Result<(), String> {

@@ -11,7 +11,7 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::ArrayError;
 use super::array::{Array, MAX_BYTES};
-use super::npy::{header, read_array};
+use super::npy::{header, read_array, stated_shape};
 use crate::files::open_file;
 
 /// The most members of an archive, since each name is kept in memory.
@@ -70,6 +70,12 @@ impl Npz {
         names
             .filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned()))
             .collect()
+    }
+
+    /// The shape that the array called `name` says it has; `None` if it is no array of numbers.
+    pub(crate) fn stated_shape(&mut self, name: &str) -> Option<Vec<usize>> {
+        let mut file = self.zip.by_name(&format!("{name}.npy")).ok()?;
+        stated_shape(&mut file)
     }
 
     /// The array called `name`, if there is one.
@@ -158,6 +164,8 @@ mod tests {
         let (_folder, archive) = opened(&bytes);
         let mut archive = archive.unwrap();
         assert_eq!(archive.names(), ["a", "n"]);
+        assert_eq!(archive.stated_shape("a"), Some(vec![3, 2]));
+        assert_eq!(archive.stated_shape("c"), None);
         let a = archive.array("a").unwrap();
         assert_eq!(a.rows(2), Ok(3));
         assert_eq!(a.to_vec(), numbers.map(f64::from));

@@ -46,6 +46,18 @@ fn recognises(probe: &Probe) -> bool {
     }
 }
 
+/// What an HDF5 file lacks that has half of what hloc writes: its matches or its features alone.
+pub(super) fn lacks(arrays: &[String]) -> Option<&'static str> {
+    let any = |names: [&str; 2]| names.iter().any(|name| has(arrays, name));
+    if has(arrays, "matches0") && !any(["keypoints0", "matches1"]) {
+        Some("it has hloc's matches, which are numbers of keypoints, and no keypoints")
+    } else if has(arrays, "keypoints") && !any(["matches0", "keypoints0"]) {
+        Some("it has hloc's keypoints, and no matches")
+    } else {
+        None
+    }
+}
+
 /// Whether a group has an array of that name.
 fn has(arrays: &[String], name: &str) -> bool {
     groups(arrays, name).next().is_some()

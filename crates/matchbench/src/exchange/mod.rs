@@ -17,6 +17,7 @@
 mod colmap;
 mod error;
 mod export;
+mod found;
 mod glue_factory;
 mod hloc;
 mod imc;
@@ -27,6 +28,7 @@ mod packed;
 mod probe;
 mod rating;
 mod read;
+mod recognise;
 mod source;
 mod sparse;
 mod superglue;

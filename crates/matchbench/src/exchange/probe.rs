@@ -1,11 +1,12 @@
-//! Finds which files a path holds, and of what kind they are by their first bytes.
+//! Finds which files a path holds that may have matches, and of what kind they are by their first bytes.
 
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::{ExchangeError, FORMATS, Format};
+use super::ExchangeError;
+use super::found::some_of;
 use crate::arrays::{Hdf5, Npz};
 use crate::files::open_file;
 
@@ -18,6 +19,8 @@ const MAX_FILES: usize = 1_000_000;
 pub(super) struct Probe {
     /// Sorted where they come from a folder, else as given.
     pub(super) files: Vec<PathBuf>,
+    /// How many files of the folder were passed over, since others are called as files of matches are.
+    pub(super) passed_over: usize,
     pub(super) content: Content,
 }
 
@@ -40,13 +43,17 @@ impl Probe {
     /// # Errors
     /// If there is nothing, something cannot be read, or the files are of several kinds.
     pub(super) fn new(paths: &[PathBuf], dataset: &str) -> Result<Self, ExchangeError> {
-        let files = match paths {
+        let (files, passed_over) = match paths {
             [path] if path.is_dir() => {
                 let inner = path.join(dataset);
-                let folder = if inner.is_dir() { &inner } else { path };
-                files_in(folder)?
+                if inner.is_dir() {
+                    files_in(&inner)?
+                        .ok_or_else(|| without_matches(&inner, "", "check the path"))?
+                } else {
+                    files_in(path)?.ok_or_else(|| of_other_datasets(path, dataset))?
+                }
             }
-            paths => paths.to_vec(),
+            paths => (paths.to_vec(), 0),
         };
         let Some(first) = files.first() else {
             return Err(ExchangeError::new("", "no file is named", "name one"));
@@ -80,38 +87,11 @@ impl Probe {
                 ));
             }
         };
-        Ok(Self { files, content })
-    }
-
-    /// The format of the files, which must be the `asked` one.
-    ///
-    /// # Errors
-    /// If it is another, or none that is known.
-    pub(super) fn format(
-        &self,
-        asked: Option<&'static Format>,
-    ) -> Result<&'static Format, ExchangeError> {
-        let found = FORMATS.iter().find(|format| (format.recognises)(self));
-        let first = &self.files[0];
-        match (found, asked) {
-            (Some(found), Some(asked)) if found.id != asked.id => Err(ExchangeError::new(
-                first,
-                format!("its content is `{}`, not `{}`", found.id, asked.id),
-                "leave --matches-format out, or name the right files",
-            )),
-            (Some(found), _) => Ok(found),
-            (None, asked) => {
-                let layouts = (FORMATS.iter())
-                    .filter(|format| asked.is_none_or(|asked| asked.id == format.id))
-                    .map(|format| format!("{} ({})", format.id, format.layout))
-                    .collect::<Vec<_>>();
-                Err(ExchangeError::new(
-                    first,
-                    "its content is of no known layout",
-                    format!("there are: {}", layouts.join("; ")),
-                ))
-            }
-        }
+        Ok(Self {
+            files,
+            passed_over,
+            content,
+        })
     }
 }
 
@@ -152,26 +132,108 @@ fn magic(path: &Path) -> Result<Option<(&'static [u8], &'static str)>, ExchangeE
         .find(|(magic, _)| start.starts_with(magic)))
 }
 
-/// The visible files of a folder that may hold matches, by name.
-fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ExchangeError> {
-    let unreadable = |error| ExchangeError::unreadable(folder, error);
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let hidden = (path.file_name()).is_some_and(|name| name.as_encoded_bytes()[0] == b'.');
+/// The visible files of a folder that may hold matches, by name, and how many others were passed over; `None` if
+/// none may. SuperGlue writes its matches beside evaluations and pictures of the same pairs, so if names say which
+/// files have matches, these alone are taken.
+fn files_in(folder: &Path) -> Result<Option<(Vec<PathBuf>, usize)>, ExchangeError> {
+    let (mut files, mut others) = (Vec::new(), 0);
+    for path in visible(folder)? {
+        let path = path?;
         let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
-        if !hidden && ENDINGS.contains(&ending) {
+        if ENDINGS.contains(&ending) {
             files.push(path);
+        } else if path.is_file() {
+            others += 1;
         }
         if files.len() > MAX_FILES {
             let what = format!("more than {MAX_FILES} files");
             return Err(ExchangeError::new(folder, what, "pack them into one file"));
         }
     }
-    if files.is_empty() {
-        let what = format!("no file of matches ({}) is in it", ENDINGS.join(", "));
-        return Err(ExchangeError::new(folder, what, "check the path"));
-    }
     files.sort();
-    Ok(files)
+    let mut passed_over = 0;
+    let is_called = |path: &PathBuf| pair_of_matches(path).is_some();
+    if files.iter().any(is_called) {
+        passed_over = files.len() + others;
+        files.retain(is_called);
+        passed_over -= files.len();
+    }
+    Ok((!files.is_empty()).then_some((files, passed_over)))
+}
+
+/// The names of the pair in the name of a file, if it is called as SuperGlue calls matches.
+pub(super) fn pair_of_matches(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_string_lossy();
+    Some(name.strip_suffix("_matches.npz")?.to_owned())
+}
+
+/// What a folder has, but for what is hidden.
+fn visible(
+    folder: &Path,
+) -> Result<impl Iterator<Item = Result<PathBuf, ExchangeError>>, ExchangeError> {
+    let unreadable = |error| ExchangeError::unreadable(folder, error);
+    let entries = fs::read_dir(folder).map_err(unreadable)?;
+    let is_hidden =
+        |path: &Path| (path.file_name()).is_some_and(|name| name.as_encoded_bytes()[0] == b'.');
+    Ok(entries
+        .map(move |entry| Ok(entry.map_err(unreadable)?.path()))
+        .filter(move |path| !path.as_ref().is_ok_and(|path| is_hidden(path))))
+}
+
+/// A folder has no files of matches; `but` says what it has.
+fn without_matches(folder: &Path, but: &str, remedy: &str) -> ExchangeError {
+    let what = format!("no file of matches ({}) is in it{but}", ENDINGS.join(", "));
+    ExchangeError::new(folder, what, remedy)
+}
+
+/// A folder has no files of matches, and no folder that is called as the dataset.
+fn of_other_datasets(folder: &Path, dataset: &str) -> ExchangeError {
+    let paths = visible(folder).into_iter().flatten().flatten();
+    let mut folders: Vec<_> = paths
+        .filter(|path| path.is_dir())
+        .filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
+        .collect();
+    folders.sort();
+    let Some(folders) = some_of(&folders) else {
+        return without_matches(folder, "", "check the path");
+    };
+    let but = format!(
+        ", and none of its folders is called `{dataset}`, as the dataset is; there are: {folders}"
+    );
+    without_matches(
+        folder,
+        &but,
+        "name the folder with the files, or call it as the dataset",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_has_those_of_other_datasets_names_them() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let refused = || {
+            let found = Probe::new(&[folder.path().to_owned()], "castle");
+            found.err().expect("no matches").to_string()
+        };
+        assert!(
+            refused().ends_with("is in it; check the path"),
+            "{}",
+            refused()
+        );
+        for name in ["office", "kitchen", ".cache"] {
+            fs::create_dir(folder.path().join(name)).expect("writable");
+        }
+        let said = refused();
+        let named = "none of its folders is called `castle`, as the dataset is; there are: `kitchen`, `office`; name";
+        assert!(said.contains(named), "{said}");
+        fs::create_dir(folder.path().join("castle")).expect("writable");
+        assert!(
+            refused().contains("castle: no file of matches"),
+            "{}",
+            refused()
+        );
+    }
 }

@@ -15,6 +15,7 @@ use nalgebra::Point2;
 
 use super::names::{NamedBy, Names};
 use super::probe::Probe;
+use super::recognise::format_of;
 use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded};
 use crate::datasets::Sequence;
 
@@ -96,8 +97,8 @@ impl MatchFiles {
         known: Option<&Understood>,
     ) -> Result<Self, ExchangeError> {
         let probe = Probe::new(paths, &sequence.name)?;
-        let files = probe.files.clone();
-        let format = probe.format(options.format)?;
+        let (files, passed_over) = (probe.files.clone(), probe.passed_over);
+        let format = format_of(&probe, options.format)?;
         let pixel_center = options.center_in(&files[0], format)?;
         let contents = (format.open)(probe, options)?;
 
@@ -137,6 +138,7 @@ impl MatchFiles {
                 named_by,
                 scores: Scores::None,
                 files: Understood::hashed(&files)?,
+                passed_over,
                 notes: options.notes.clone(),
             },
             survey: Survey::default(),

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ExchangeError;
 use super::names::NamedBy;
+use crate::counted::counted;
 use crate::files::open_file;
 
 /// Files that are listed one by one; more of them are one line.
@@ -34,6 +35,10 @@ pub struct Understood {
     pub scores: Scores,
     /// The files.
     pub files: Vec<FileRead>,
+    /// How many files of the folder were passed over, since others are called as files of matches are. No part of
+    /// a plan: no result depends on it.
+    #[serde(skip)]
+    pub passed_over: usize,
     /// What the user noted: model, weights, device ...
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub notes: BTreeMap<String, String>,
@@ -111,6 +116,13 @@ impl fmt::Display for Understood {
         };
         let files: Vec<_> = self.files.iter().map(file).collect();
         write!(f, "{}: {}", self.format, files.join(", "))?;
+        if self.passed_over > 0 {
+            write!(
+                f,
+                "; passed over: {}",
+                counted(self.passed_over, "other file")
+            )?;
+        }
         f.write_str(match self.named_by {
             NamedBy::Frame => "; frames by number",
             NamedBy::Image => "; frames by image name",

@@ -302,6 +302,11 @@ fn megadepth_is_read_from_loftrs_pickle() {
     let error = read("megadepth", &src).unwrap_err();
     assert!(error.what.contains("another pose of it"), "{error}");
     fs::write(src.join("more.npz"), &bytes).unwrap();
+    fs::write(src.join("zipped.npz"), b"PK\x03\x04...").unwrap();
+    let error = read("megadepth", &src.join("zipped.npz")).unwrap_err();
+    assert!(error.what.contains("a zip archive"), "{error}");
+    assert!(error.remedy.contains("pickle.dump"), "{error}");
+    fs::remove_file(src.join("zipped.npz")).unwrap();
     let out = src.join("out");
     let error = import("megadepth", &src, &out, &ImportOptions::default()).unwrap_err();
     assert!(
@@ -328,6 +333,22 @@ fn megadepth_is_read_from_glue_factorys_texts() {
     );
     assert_eq!(found.frames[1].camera.distortion.unwrap().k1, 0.125);
     assert_eq!(x_of(&found.pairs.unwrap()[0]), 2.0);
+    // Images in `images`, but only if none lies beside the list.
+    fs::create_dir(src.join("images")).unwrap();
+    assert_eq!(
+        read("megadepth", &src).unwrap().frames[1].image,
+        src.join("p/b.png")
+    );
+    fs::rename(src.join("p"), src.join("images/p")).unwrap();
+    assert_eq!(
+        read("megadepth", &src).unwrap().frames[1].image,
+        src.join("images/p/b.png")
+    );
+    let lens = views.replace("SIMPLE_RADIAL", "FOV");
+    fs::write(src.join("views.txt"), lens).unwrap();
+    let error = read("megadepth", &src).unwrap_err();
+    assert_eq!(error.line, Some(2));
+    assert!(error.remedy.contains("image_undistorter"), "{error}");
     let smaller = views.replace("RADIAL 24 17", "RADIAL 48 34");
     fs::write(src.join("views.txt"), smaller).unwrap();
     let error = read("megadepth", &src).unwrap_err();

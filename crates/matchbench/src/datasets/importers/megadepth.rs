@@ -12,7 +12,8 @@
 //! further columns are ignored. Images that exist must have the size in `views.txt`.
 //!
 //! Both come from COLMAP. cx, cy are half the size of the undistorted images, so the origin is the corner of
-//! the image, and half a pixel is subtracted here. Names are relative to the image root.
+//! the image, and half a pixel is subtracted here. Names are relative to the image root. This is the given folder,
+//! or else that of the file; for `views.txt` it is `images/` beside it, where that exists and no view lies beside the file.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -66,6 +67,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 "give the file as LoFTR publishes it in its assets",
             )
         };
+        if bytes.starts_with(b"PK\x03\x04") {
+            return Err(DatasetError::new(
+                file,
+                "it is a zip archive, as numpy.savez writes, and LoFTR's files are pickles of one dictionary",
+                "give the file as LoFTR publishes it in its assets, or write its arrays with \
+                 `pickle.dump(dict(numpy.load(FILE, allow_pickle=True)), open(NEW, \"wb\"))`",
+            ));
+        }
         let pickled = Pickled::parse(&bytes).map_err(fail)?;
         Listing::new(&pickled)
             .and_then(|listing| listing.pairs(&root, &mut frames, &mut pairs))
@@ -215,7 +224,6 @@ fn is_same(a: &Isometry3<f64>, b: &Isometry3<f64>) -> bool {
 
 fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let folder = file.parent().unwrap_or(Path::new(""));
-    let root = options.root(folder);
     let list = TextFile::read(file)?;
     let mut views = HashMap::new();
     for (line, row) in list.rows() {
@@ -224,11 +232,18 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
             camera,
             size,
             pose,
-        } = view(row).map_err(|what| list.error_at(line, what))?;
+        } = view(row).map_err(|wrong| wrong.placed(|what| list.error_at(line, what)))?;
         if views.insert(name, (line, camera, size, pose)).is_some() {
             return Err(list.error_at(line, format!("{name} stands here a second time")));
         }
     }
+    let images = folder.join("images");
+    let beside_list = || views.keys().any(|name| folder.join(name).is_file());
+    let root = if images.is_dir() && !beside_list() {
+        options.root(&images)
+    } else {
+        options.root(folder)
+    };
     let pairs_file = TextFile::read(&folder.join("pairs.txt"))?;
     let mut frames = NamedFrames::default();
     let mut pairs = Vec::new();
@@ -271,22 +286,20 @@ struct View<'a> {
     pose: Isometry3<f64>,
 }
 
-fn view(row: &str) -> Result<View<'_>, String> {
+fn view(row: &str) -> Result<View<'_>, lens::Unusable> {
     let words: Vec<&str> = row.split_whitespace().collect();
     let [name, pose @ ..] = &words[..] else {
-        return Err("the line is empty".to_owned());
+        return Err("the line is empty".into());
     };
     let Some((pose, camera)) = pose.split_at_checked(12) else {
-        return Err(
-            "name, R (9), t (3), MODEL, width, height and parameters are expected".to_owned(),
-        );
+        return Err("name, R (9), t (3), MODEL, width, height and parameters are expected".into());
     };
     let m: [f64; 12] = text::exactly(&pose.join(" "))?;
     let motion = [
         m[0], m[1], m[2], m[9], m[3], m[4], m[5], m[10], m[6], m[7], m[8], m[11],
     ];
     let [model, width, height, params @ ..] = camera else {
-        return Err("the camera is missing: MODEL, width, height, parameters".to_owned());
+        return Err("the camera is missing: MODEL, width, height, parameters".into());
     };
     let params = text::numbers(&params.join(" "))?;
     let camera_from_world = text::rigid_motion(&motion)?;

@@ -95,6 +95,10 @@ fn damaged_models_are_refused() {
         error.contains("the camera model OPENCV_FISHEYE is not supported"),
         "{error}"
     );
+    assert!(
+        error.contains("image_undistorter") && !error.contains("again"),
+        "{error}"
+    );
     let lens = with("cameras.txt", "0.125", "1e9");
     assert!(lens.contains("line 3 of cameras.txt: k1 is"), "{lens}");
     assert!(with("cameras.txt", "24 17", "24 h").contains("cameras.txt:2: `h` is no width"));
@@ -125,6 +129,37 @@ fn damaged_models_are_refused() {
     }
     let error = read("colmap", &src).unwrap_err();
     assert!(error.file.ends_with("images.bin"), "{error}");
+}
+
+#[test]
+fn cameras_that_are_not_supported_matter_only_where_an_image_has_them() {
+    let (_folder, src) = source("model", &[("a.png", "")]);
+    let mut cameras = fs::read(fixture("model/cameras.bin")).unwrap();
+    let models = super::colmap::lens::MODELS;
+    cameras[..8].copy_from_slice(&(2 + models.len() as u64).to_le_bytes());
+    for (number, (_, parameters)) in (0_u32..).zip(models) {
+        cameras.extend([100 + number, number].map(u32::to_le_bytes).as_flattened());
+        cameras.extend([24_u64, 17].map(u64::to_le_bytes).as_flattened());
+        cameras.extend(1_f64.to_le_bytes().repeat(parameters));
+    }
+    fs::write(src.join("cameras.bin"), &cameras).unwrap();
+    let mut images = fs::read(fixture("model/images.bin")).unwrap();
+    fs::write(src.join("images.bin"), &images).unwrap();
+    assert_eq!(read("colmap", &src).unwrap().frames.len(), 2);
+
+    images[68..72].copy_from_slice(&111_u32.to_le_bytes()); // the camera of the first
+    fs::write(src.join("images.bin"), images).unwrap();
+    let error = read("colmap", &src).unwrap_err();
+    let named =
+        "the camera 111 of b.png: the camera model RAD_TAN_THIN_PRISM_FISHEYE is not supported";
+    assert!(error.what.starts_with(named), "{error}");
+    assert!(error.remedy.contains("image_undistorter"), "{error}");
+
+    cameras[12..16].copy_from_slice(&99_u32.to_le_bytes()); // the model of the first
+    fs::write(src.join("cameras.bin"), cameras).unwrap();
+    let error = read("colmap", &src).unwrap_err();
+    assert!(error.what.contains("model 99 is not known"), "{error}");
+    assert!(error.remedy.contains("as text"), "{error}");
 }
 
 #[test]

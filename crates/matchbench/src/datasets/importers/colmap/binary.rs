@@ -18,6 +18,10 @@ use crate::datasets::DatasetError;
 use crate::datasets::text;
 use crate::files::read_file;
 
+/// What to do with a model that has cameras of which nothing is known.
+const AS_TEXT: &str = "write the model as text (COLMAP's model_converter, --output_type TXT), where cameras that no \
+                       image has are passed over";
+
 pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
     parse(path, |bytes| {
         let mut cameras = Cameras::new();
@@ -25,8 +29,11 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
             let id = bytes.u32()?;
             let number = bytes.u32()?;
             let model = lens::MODELS.get(number as usize);
-            let &(model, parameters) =
-                model.ok_or_else(|| format!("the camera model {number} is not known"))?;
+            // Of a later model it is not known where its parameters end.
+            let &(model, parameters) = model.ok_or_else(|| lens::Unusable {
+                what: format!("the camera model {number} is not known"),
+                remedy: Some(AS_TEXT),
+            })?;
             // A side that is no usize is that of no image.
             let mut side = || Ok::<_, String>(usize::try_from(bytes.u64()?).unwrap_or(usize::MAX));
             let size = Size::new(side()?, side()?);
@@ -35,7 +42,7 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
                 .collect::<Result<_, _>>()?;
             let camera = lens::camera(model, &params).map(|camera| (camera, size));
             if cameras.insert(id, camera).is_some() {
-                return Err(format!("the camera {id} is there a second time"));
+                return Err(format!("the camera {id} is there a second time").into());
             }
         }
         Ok(cameras)
@@ -76,15 +83,16 @@ pub(super) fn images(path: &Path) -> Result<Vec<Photograph>, DatasetError> {
 
 fn parse<T>(
     path: &Path,
-    read: impl FnOnce(&mut Bytes<'_>) -> Result<T, String>,
+    read: impl FnOnce(&mut Bytes<'_>) -> Result<T, lens::Unusable>,
 ) -> Result<T, DatasetError> {
     let data = read_file(path).map_err(|error| DatasetError::io(path, &error))?;
     let mut bytes = Bytes { rest: &data };
     let parsed = read(&mut bytes).and_then(|parsed| match bytes.rest.len() {
         0 => Ok(parsed),
-        more => Err(format!("after the end: {}", counted(more, "byte"))),
+        more => Err(format!("after the end: {}", counted(more, "byte")).into()),
     });
-    parsed.map_err(|what| DatasetError::new(path, what, "export the model from COLMAP again"))
+    let fail = |what| DatasetError::new(path, what, "export the model from COLMAP again");
+    parsed.map_err(|wrong| wrong.placed(fail))
 }
 
 struct Bytes<'a> {

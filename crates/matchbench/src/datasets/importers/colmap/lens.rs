@@ -12,10 +12,11 @@
 
 use matchbench_vision::geometry::{Camera, Distortion};
 
+use crate::datasets::DatasetError;
 use crate::datasets::importers::list;
 
-/// All of COLMAP's models in the order of their numbers in binary files, each with its number of parameters.
-pub(super) const MODELS: [(&str, usize); 11] = [
+/// All models of COLMAP 4.2 in the order of their numbers in binary files, each with its number of parameters.
+pub(in crate::datasets::importers) const MODELS: [(&str, usize); 18] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
     ("SIMPLE_RADIAL", 4),
@@ -27,13 +28,66 @@ pub(super) const MODELS: [(&str, usize); 11] = [
     ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5),
     ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
 ];
+
+/// What to do with images whose lens is not supported.
+const UNDISTORT: &str = "undistort the images with COLMAP's image_undistorter and import the model that it writes, \
+                         whose cameras are PINHOLE";
+
+/// Why a camera cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::datasets::importers) struct Unusable {
+    pub(in crate::datasets::importers) what: String,
+    /// How to mend it, where it is not by writing the file again.
+    pub(in crate::datasets::importers) remedy: Option<&'static str>,
+}
+
+impl<T: Into<String>> From<T> for Unusable {
+    fn from(what: T) -> Self {
+        Self {
+            what: what.into(),
+            remedy: None,
+        }
+    }
+}
+
+impl Unusable {
+    /// A lens that is not supported.
+    fn lens(what: String) -> Self {
+        Self {
+            what,
+            remedy: Some(UNDISTORT),
+        }
+    }
+
+    /// The error, once it is known what is wrong where; it keeps the remedy that is its own.
+    pub(in crate::datasets::importers) fn placed(
+        self,
+        error: impl FnOnce(String) -> DatasetError,
+    ) -> DatasetError {
+        let placed = error(self.what);
+        match self.remedy {
+            None => placed,
+            Some(remedy) => DatasetError {
+                remedy: remedy.into(),
+                ..placed
+            },
+        }
+    }
+}
 
 /// The camera of a model with these parameters.
 pub(in crate::datasets::importers) fn camera(
     model: &str,
     params: &[f64],
-) -> Result<Camera, String> {
+) -> Result<Camera, Unusable> {
     let full = |[k1, k2, p1, p2, k3]: [f64; 5]| {
         let lens = Distortion { k1, k2, p1, p2, k3 };
         [k1, k2, p1, p2, k3]
@@ -50,10 +104,9 @@ pub(in crate::datasets::importers) fn camera(
         ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], lens(k1, k2, p1, p2)),
         ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
             if [k4, k5, k6].iter().any(|&k| k != 0.0) {
-                return Err(format!(
-                    "the camera model FULL_OPENCV is supported without k4, k5 and k6, which are {k4}, {k5} and {k6}; \
-                     COLMAP's image_undistorter makes PINHOLE of any"
-                ));
+                return Err(Unusable::lens(format!(
+                    "the camera model FULL_OPENCV is supported without k4, k5 and k6, which are {k4}, {k5} and {k6}"
+                )));
             }
             ([fx, fy, cx, cy], full([k1, k2, p1, p2, k3]))
         }
@@ -62,22 +115,20 @@ pub(in crate::datasets::importers) fn camera(
             | "FULL_OPENCV"),
             _,
         ) => {
-            return Err(format!(
-                "{} parameters do not belong to the model {known}",
-                params.len()
-            ));
+            let count = params.len();
+            return Err(format!("{count} parameters do not belong to the model {known}").into());
         }
         (other, _) => {
-            return Err(format!(
+            return Err(Unusable::lens(format!(
                 "the camera model {other} is not supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                 RADIAL, OPENCV and FULL_OPENCV are; COLMAP's image_undistorter makes PINHOLE of any"
-            ));
+                 RADIAL, OPENCV and FULL_OPENCV are"
+            )));
         }
     };
     let [fx, fy, cx, cy] = pinhole;
     let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])?;
     if !params.iter().all(|parameter| parameter.is_finite()) {
-        return Err("a parameter is not finite".to_owned());
+        return Err("a parameter is not finite".into());
     }
     let camera = list::from_corner(Camera {
         distortion,
@@ -116,7 +167,10 @@ mod tests {
             let answer = camera(model, &vec![1.0; parameters]);
             match answer {
                 Ok(_) => assert!(parameters <= 8),
-                Err(what) => assert!(what.contains(&format!("model {model} is ")), "{what}"),
+                Err(Unusable { what, remedy }) => {
+                    assert!(what.contains(&format!("model {model} is ")), "{what}");
+                    assert_eq!(remedy, Some(UNDISTORT));
+                }
             }
         }
         let mut params = vec![
@@ -126,11 +180,11 @@ mod tests {
         assert_eq!((lens.k1, lens.p2, lens.k3), (0.1, 0.4, 0.5));
         params[11] = 1e-3;
         let divided = camera("FULL_OPENCV", &params).unwrap_err();
-        assert!(divided.contains("0, 0 and 0.001"), "{divided}");
+        assert!(divided.what.contains("0, 0 and 0.001"), "{divided:?}");
+        let few = camera("PINHOLE", &[1.0; 3]).unwrap_err();
         assert!(
-            camera("PINHOLE", &[1.0; 3])
-                .unwrap_err()
-                .contains("3 parameters")
+            few.what.contains("3 parameters") && few.remedy.is_none(),
+            "{few:?}"
         );
         assert!(camera("PINHOLE", &[-1.0; 4]).is_err());
         assert!(camera("RADIAL", &[9.0, 3.0, 2.0, f64::NAN, 0.0]).is_err());

@@ -8,7 +8,7 @@
 //! - Pixels are counted from the corner of the image, so the centre of the first pixel is (0.5, 0.5). Half a
 //!   pixel is subtracted from principal points.
 //! - Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, and FULL_OPENCV where k4, k5 and k6 are 0;
-//!   others are refused by name.
+//!   others are refused by name if an image has them.
 //! - Images that exist must have the size of their camera. (Other sizes need another K.)
 //! - Frames are sorted by name, since the order in a model is that of the reconstruction.
 //! - Image names are relative to the image root. This is the given folder, or else the folder of the model or
@@ -32,7 +32,7 @@ use crate::datasets::{About, DatasetError, Frame};
 
 /// A camera and the size of its images, or the reason why it cannot be used. The reason is reported only if an
 /// image has this camera.
-type Cameras = BTreeMap<u32, Result<(Camera, Size), String>>;
+type Cameras = BTreeMap<u32, Result<(Camera, Size), lens::Unusable>>;
 
 /// A photograph of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,7 +86,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let (id, image) = (camera, root.join(&name));
         let (camera, size) = match cameras.get(&camera) {
             Some(Ok(camera)) => *camera,
-            Some(Err(what)) => return Err(fail(format!("the camera {camera} of {name}: {what}"))),
+            Some(Err(unusable)) => {
+                let named = |what| fail(format!("the camera {camera} of {name}: {what}"));
+                return Err(unusable.clone().placed(named));
+            }
             None => {
                 return Err(fail(format!(
                     "{name} has the camera {camera}, which is not there"

@@ -32,7 +32,10 @@ pub(super) fn cameras(path: &Path) -> Result<Cameras, DatasetError> {
         };
         let (id, camera) = parsed.map_err(|what| file.error_at(line, what))?;
         // The message has the line number, which only a text file has.
-        let camera = camera.map_err(|what| format!("line {line} of cameras.txt: {what}"));
+        let camera = camera.map_err(|unusable| lens::Unusable {
+            what: format!("line {line} of cameras.txt: {}", unusable.what),
+            ..unusable
+        });
         if cameras.insert(id, camera).is_some() {
             return Err(file.error_at(line, format!("the camera {id} stands here a second time")));
         }

@@ -10,13 +10,17 @@
 //! Opcodes (of protocols 2 to 5): PROTO FRAME STOP MARK MEMOIZE BINPUT LONG_BINPUT BINGET
 //! LONG_BINGET NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT BINUNICODE
 //! SHORT_BINUNICODE BINBYTES SHORT_BINBYTES EMPTY_LIST APPEND APPENDS EMPTY_TUPLE TUPLE TUPLE1
-//! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD. Functions: numpy's
-//! `ndarray`, `dtype`, `_reconstruct` and `scalar`.
+//! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD BYTEARRAY8. Functions: those of
+//! [`calls`].
+
+mod calls;
 
 use std::collections::BTreeMap;
 
-use crate::arrays::{Array, Element, MAX_SIDES};
-use crate::datasets::text::brief;
+use crate::arrays::{Array, Element};
+
+pub(super) use calls::Known;
+use calls::known;
 
 /// Number of a value in the store.
 pub(super) type Id = usize;
@@ -42,15 +46,6 @@ pub(super) enum Value {
     Promise,
     /// A type of numbers, or the name of one that is not read.
     Kind(Result<Element, String>),
-}
-
-/// The functions and classes that a pickle may name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
-    NdArray,
-    Dtype,
-    Reconstruct,
-    Scalar,
 }
 
 /// A pickle after it was read.
@@ -202,6 +197,12 @@ impl Machine<'_> {
             b'B' => {
                 let length = u32::from_le_bytes(self.take()?);
                 let bytes = self.slice(length as usize)?.to_vec();
+                self.push(Value::Bytes(bytes))?;
+            }
+            0x96 => {
+                let length = u64::from_le_bytes(self.take()?);
+                let length = usize::try_from(length).map_err(|_| "the file is cut off")?;
+                let bytes = self.slice(length)?.to_vec();
                 self.push(Value::Bytes(bytes))?;
             }
             b']' | b')' => self.push(Value::List(Vec::new()))?,
@@ -365,106 +366,19 @@ impl Machine<'_> {
         }
     }
 
+    /// Contents of so many bytes are copied.
+    fn copy(&mut self, bytes: usize) -> Result<(), String> {
+        let left = self.left.checked_sub(bytes);
+        self.left = left.ok_or("its arrays share their contents too often")?;
+        Ok(())
+    }
+
     fn list(&self, id: Id) -> Result<&[Id], String> {
         match &self.values[id] {
             Value::List(items) => Ok(items),
             _ => Err("a tuple is missing".to_owned()),
         }
     }
-
-    /// The result of a known function for its arguments.
-    fn reduce(&self, function: Id, arguments: Id) -> Result<Value, String> {
-        let arguments = self.list(arguments)?;
-        let argument = |index: usize| arguments.get(index).map(|&id| &self.values[id]);
-        match (&self.values[function], argument(0), argument(1)) {
-            (Value::Known(Known::Reconstruct), Some(Value::Known(Known::NdArray)), _) => {
-                Ok(Value::Promise)
-            }
-            (Value::Known(Known::Dtype), Some(Value::Text(kind)), _) => {
-                let read = Element::of_numpy(kind);
-                Ok(Value::Kind(read.ok_or_else(|| brief(kind))))
-            }
-            (Value::Known(Known::Scalar), Some(Value::Kind(kind)), Some(Value::Bytes(bytes))) => {
-                let one = Array::new(vec![1], element(kind)?, bytes.clone())?;
-                Ok(Value::Number(one.to_decimals()[0]))
-            }
-            _ => Err("a function is called in a way that is not known".to_owned()),
-        }
-    }
-
-    /// The object after its state was set.
-    fn build(&mut self, object: Id, state: Id) -> Result<Value, String> {
-        let contents = self.list(state)?.get(4).map(|id| &self.values[*id]);
-        let copied = match contents {
-            Some(Value::Bytes(data)) => data.len(),
-            Some(Value::List(items)) => size_of_val(&items[..]),
-            _ => 0,
-        };
-        let left = self.left.checked_sub(copied);
-        self.left = left.ok_or("its arrays share their contents too often")?;
-        let state = self.list(state)?;
-        let part = |index: usize| -> Result<&Value, String> {
-            let id = state
-                .get(index)
-                .ok_or("the state of an object is too short")?;
-            Ok(&self.values[*id])
-        };
-        match &self.values[object] {
-            Value::Kind(kind) => match part(1)? {
-                Value::Text(order) if order != ">" => Ok(Value::Kind(kind.clone())),
-                _ => Err("numbers in this byte order are not read".to_owned()),
-            },
-            Value::Promise => {
-                let (shape, kind, by_columns) = (part(1)?, part(2)?, part(3)?);
-                let (Value::List(sides), Value::Kind(kind), Value::Bool(by_columns)) =
-                    (shape, kind, by_columns)
-                else {
-                    return Err("the state of an array is not known".to_owned());
-                };
-                if sides.len() > MAX_SIDES {
-                    return Err(format!("an array has {} dimensions", sides.len()));
-                }
-                let side = |id: &Id| match self.values[*id] {
-                    Value::Number(side) if (0.0..1e15).contains(&side) => Ok(side as usize),
-                    _ => Err("a side of an array is no number".to_owned()),
-                };
-                let shape = sides.iter().map(side).collect::<Result<Vec<_>, String>>()?;
-                match part(4)? {
-                    Value::Bytes(data) => {
-                        let array = if *by_columns {
-                            Array::by_columns
-                        } else {
-                            Array::new
-                        };
-                        Ok(Value::Array(array(shape, element(kind)?, data.clone())?))
-                    }
-                    Value::List(items) if shape == [items.len()] => {
-                        Ok(Value::Objects(items.clone()))
-                    }
-                    _ => Err("the contents of an array are not known".to_owned()),
-                }
-            }
-            _ => Err("the state of this object cannot be set".to_owned()),
-        }
-    }
-}
-
-fn known(module: &str, name: &str) -> Result<Known, String> {
-    match (module, name) {
-        ("numpy", "ndarray") => Ok(Known::NdArray),
-        ("numpy", "dtype") => Ok(Known::Dtype),
-        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => {
-            Ok(Known::Reconstruct)
-        }
-        ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Ok(Known::Scalar),
-        _ => Err(format!(
-            "the pickle calls {module}.{name}, which no list of pairs needs; it was not executed"
-        )),
-    }
-}
-
-fn element(kind: &Result<Element, String>) -> Result<Element, String> {
-    (kind.clone()).map_err(|name| format!("numbers of type `{name}` are not read"))
 }
 
 /// An integer of up to eight bytes, little-endian, in two's complement.
