@@ -28,7 +28,7 @@ The pairs of the paper, and more:
   all                 every image against every later one
   window:9            every image against the next 9
   window:9,stride:15  the same on every 15th image; the others are left out
-  list:FILE           pairs `a b` of image numbers, one pair a line
+  list:FILE           pairs `a b`, one a line: names of images, or numbers of the frames of OUT, from 0
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
     /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, megadepth, colmap,
@@ -81,7 +81,7 @@ Layouts:
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
 Both can be imported again, as kinds of the same names; a model without points with a rule that
-needs none, as --pairs all. The images are not copied.
+needs none, as --pairs all or --pairs list:OUT/pairs.txt. The images are not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap

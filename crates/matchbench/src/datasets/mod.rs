@@ -18,7 +18,9 @@ mod jpeg;
 mod listed;
 mod manifest;
 mod native;
+mod names;
 mod pair_poses;
+mod pair_list;
 mod pairs;
 mod problem;
 pub mod rendered;
@@ -47,6 +49,7 @@ pub use importers::{
 };
 pub use manifest::{About, describe};
 pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
+pub(crate) use names::{ImageNames, Named};
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};

@@ -309,6 +309,12 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
             "choose another rule for the pairs",
         ));
     }
+    if let Some(rule) = rule
+        && rule.has_numbers()?
+    {
+        let note = numbers_of_frames(&frames, &pairs, &about.notes);
+        about.notes.extend(note);
+    }
     check_distinct(src, &frames, &pairs)?;
     if let Some(rule) = rule {
         about.origin = format!("{}; pairs {rule}", about.origin);
@@ -345,6 +351,33 @@ fn check_distinct(src: &Path, frames: &[Frame], pairs: &[Pair]) -> Result<(), Da
             let image = |frame: u32| frames[frame as usize].image.display();
             let (a, b) = (image(pair.a), image(pair.b));
             let what = format!(
+/// What the numbers of a list of pairs mean, where they may be taken for those of images: images were left out, or the
+/// first image is not called 0.
+fn numbers_of_frames(frames: &[Frame], pairs: &[Pair], notes: &[String]) -> Option<String> {
+    let name = |frame: u32| base_name(&frames[frame as usize].image);
+    let differs = |frame: &u32| {
+        let name = name(*frame);
+        let mut numbers = name.split(|c: char| !c.is_ascii_digit());
+        numbers.all(|number| number.parse() != Ok(*frame))
+    };
+    let is_number = |frame: &u32| {
+        let name = name(*frame);
+        let stem = name.split_once('.').map_or(&*name, |(stem, _)| stem);
+        stem.parse::<u32>().is_ok()
+    };
+    let listed = || pairs.iter().flat_map(|pair| [pair.a, pair.b]);
+    let mut other = listed().filter(differs);
+    let shown = if notes.iter().any(|note| note.starts_with(LEFT_OUT)) {
+        other.next().or_else(|| listed().next())
+    } else {
+        other.find(is_number)
+    }?;
+    Some(format!(
+        "the list numbers the frames of this dataset from 0: {shown} is {}; if images are meant, list their names",
+        name(shown)
+    ))
+}
+
                 "its pairs {} and {} are the same, {a} with {b}",
                 before + 1,
                 index + 1
@@ -451,7 +484,7 @@ fn source_name(path: &Path, scene: Option<&Scene>) -> String {
 /// "left out: 3 images `why` (a, b, c)", if there is any.
 fn images_left_out(why: &str, images: &[String]) -> Option<String> {
     let count = counted(images.len(), "image");
-    note_of(&format!("left out: {count} {why}"), images)
+    note_of(&format!("{LEFT_OUT}{count} {why}"), images)
 }
 
 /// The images of a folder, and the names of those in formats that are not read.
@@ -464,8 +497,11 @@ fn images_and_unread(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>), Datas
 
 /// "left out: 3 images in formats that are not read (a, b, c)", if there is any.
 fn unread_left_out(unread: &[String]) -> Option<String> {
-    note_of(&format!("left out: {}", in_other_formats(unread)), unread)
+    note_of(&format!("{LEFT_OUT}{}", in_other_formats(unread)), unread)
 }
+
+/// What a note begins with that says which images were left out.
+const LEFT_OUT: &str = "left out: ";
 
 fn in_other_formats(unread: &[String]) -> String {
     let count = counted(unread.len(), "image");
@@ -488,3 +524,5 @@ mod list_tests;
 mod model_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod folder_tests;
