@@ -4,6 +4,7 @@
 //! it, and [`validate`] reports what is wrong with it. Data in any other layout are converted to this one by
 //! [`import`]. Poses are camera-to-world; `b_from_a` takes points from camera `a` to camera `b`.
 
+mod bring;
 mod cameras;
 mod colour;
 mod decode;
@@ -17,10 +18,10 @@ mod importers;
 mod jpeg;
 mod listed;
 mod manifest;
-mod native;
 mod names;
-mod pair_poses;
+mod native;
 mod pair_list;
+mod pair_poses;
 mod pairs;
 mod problem;
 pub mod rendered;
@@ -48,8 +49,8 @@ pub use importers::{
     read_source, reference,
 };
 pub use manifest::{About, describe};
-pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
 pub(crate) use names::{ImageNames, Named};
+pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
