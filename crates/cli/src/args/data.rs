@@ -29,7 +29,7 @@ The pairs of the paper, and more:
   all                 every image against every later one
   window:9            every image against the next 9
   window:9,stride:15  the same on every 15th image; the others are left out
-  list:FILE           pairs `a b`, one a line: names of images, or numbers of the frames of OUT, from 0
+  list:FILE           a pair a line: names of images, or numbers of frames of OUT from 0
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
     /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, scannet-raw, megadepth,
