@@ -396,6 +396,7 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
         "folder",
         "superglue",
         "scannet",
+        "scannet-raw",
         "megadepth",
         "colmap",
         "imc",

@@ -58,6 +58,11 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
         ]),
         "pose.txt" => text(&[POSES_KITTI]),
         "homographies" => text(&["0 1 1 0 2 0 1 3 0 0 1\n1 2 1 0.1 2 0.2 1 3 0.001 0 1\n"]),
+        "list of pairs" => text(&[
+            "0 1\n3 2 0.5 of no use\n",
+            "# hloc's\ndb/0.pgm db/1.pgm\nquery-0 db/1.pgm\n",
+            "all/db/0.pgm all/query/a-1.pgm\r\n",
+        ]),
         "poses" => text(&[
             POSES_KITTI,
             "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0.6 0.8\n2 1 2 3 1 0 0 0\n",

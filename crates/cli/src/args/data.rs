@@ -16,6 +16,7 @@ Examples:
   matchbench import superglue scannet_test_pairs_with_gt.txt scannet-1500 --image-root ScanNet
   matchbench import scannet test.npz scannet-1500 --intrinsics intrinsics.npz --image-root ScanNet
   matchbench import megadepth 0015_0.1_0.3.npz st-peters --image-root MegaDepth
+  matchbench import scannet-raw scene0000_00 scene0 --pairs window:9,stride:15
   matchbench import colmap sparse/0 church --image-root images --pairs covisible:0.1..0.7
   matchbench import oxford boat oxford-boat
   matchbench import rendered office office
@@ -28,11 +29,11 @@ The pairs of the paper, and more:
   all                 every image against every later one
   window:9            every image against the next 9
   window:9,stride:15  the same on every 15th image; the others are left out
-  list:FILE           pairs `a b` of image numbers, one pair a line
+  list:FILE           a pair a line: names of images, or numbers of frames of OUT from 0
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
-    /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, megadepth, colmap,
-    /// imc, euroc, zeb, hpatches, oxford, evd or rendered
+    /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, scannet-raw, megadepth,
+    /// colmap, imc, euroc, zeb, hpatches, oxford, evd or rendered
     #[arg(value_name = "KIND")]
     pub kind: String,
     /// The data as their authors publish them: a folder, a list, a model
@@ -54,7 +55,7 @@ pub(crate) struct ImportArgs {
     /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), if SRC has none or another one shall be used
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
-    /// The poses (KIND folder), in TUM or KITTI format
+    /// The poses (KIND folder): a line of TUM or KITTI or the 16 numbers of a 4x4 for each image
     #[arg(long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds [default: 0.02]
@@ -81,7 +82,7 @@ Layouts:
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
 Both can be imported again, as kinds of the same names; a model without points with a rule that
-needs none, as --pairs all. The images are not copied.
+needs none, as --pairs all or --pairs list:OUT/pairs.txt. The images are not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap

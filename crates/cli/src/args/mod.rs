@@ -94,8 +94,8 @@ pub(crate) enum Command {
 #[command(after_help = "\
 Examples:
   matchbench list estimators
-  matchbench list sift                                   what each parameter of SIFT means
-  matchbench list superglue                              how this protocol evaluates")]
+  matchbench list sift          # what each parameter of SIFT means
+  matchbench list superglue     # how this protocol evaluates")]
 pub(crate) struct ListArgs {
     /// `matchers`, `estimators`, `protocols`, `datasets` (built-in ones, and the kinds that can be imported) or
     /// `formats` (of files of matches) [default: all]; or the id of a matcher, an estimator or a protocol, to read

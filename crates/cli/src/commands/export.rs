@@ -201,6 +201,14 @@ fn write(
     }
     let folder = args.out.join(folder).join(&dataset.name);
     let files = format.write(&folder, &export)?;
+    if format.names_images() {
+        let root = export.image_root();
+        say!(
+            "note: image names of `{}` start from {}",
+            dataset.name,
+            root.display()
+        );
+    }
     match &files[..] {
         [] => bail!("there is no match to be written"),
         files if files.len() > 4 => {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3};
 
-use super::pairs::pair_indices;
+use super::pair_list::pair_indices;
 use super::text;
 use super::{DatasetError, Pair, Problem, Truth};
 use crate::files::{LONGEST_LINE, LineBlock, LineBlocks, open_file};

@@ -13,6 +13,7 @@
 //!
 //! [[frames]]                       # one per frame, in order
 //! image = "rgb/1305031452.791720.png"
+//! name = "1305031452.791720.png"   # what a copied or linked image was called, if not so
 //! depth = "depth/1305031452.809301.png"
 //! camera = { fx = 517.3, fy = 516.5, cx = 318.6, cy = 255.3 }   # where it has its own
 //! turn = 1                         # quarter turns counterclockwise before it is looked at;
@@ -79,6 +80,9 @@ pub(super) struct ManifestFrame {
     /// Its image, if it is not `Images/%04d.*`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) image: Option<PathBuf>,
+    /// What the image was called, see [`Frame::name`](super::Frame::name).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) name: Option<String>,
     /// Its depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) depth: Option<PathBuf>,
@@ -214,6 +218,11 @@ impl Manifest {
             .map_or(Turn::None, |frame| frame.turn)
     }
 
+    /// What the image of frame `index` was called, if the manifest has it.
+    pub(super) fn name_of(&self, index: usize) -> Option<String> {
+        self.frames.get(index)?.name.clone()
+    }
+
     /// The path of the image of frame `index`, if the manifest has it.
     pub(super) fn image(&self, dataset: &Path, index: usize) -> Option<PathBuf> {
         let image = self.frames.get(index)?.image.as_ref()?;
@@ -338,6 +347,7 @@ mod tests {
             }),
             frames: vec![ManifestFrame {
                 image: Some("rgb/1.5.png".into()),
+                name: Some("left/1.5.png".into()),
                 depth: Some("depth/1.4.png".into()),
                 camera: Some(Camera::pinhole(1.0 / 3.0, 2.0, 3.0, 4.0)),
                 turn: Turn::ThreeQuarters,

@@ -4,6 +4,7 @@
 //! it, and [`validate`] reports what is wrong with it. Data in any other layout are converted to this one by
 //! [`import`]. Poses are camera-to-world; `b_from_a` takes points from camera `a` to camera `b`.
 
+mod bring;
 mod cameras;
 mod colour;
 mod decode;
@@ -17,7 +18,9 @@ mod importers;
 mod jpeg;
 mod listed;
 mod manifest;
+mod names;
 mod native;
+mod pair_list;
 mod pair_poses;
 mod pairs;
 mod problem;
@@ -46,6 +49,7 @@ pub use importers::{
     read_source, reference,
 };
 pub use manifest::{About, describe};
+pub(crate) use names::{ImageNames, Named};
 pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};

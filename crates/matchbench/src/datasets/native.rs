@@ -75,6 +75,7 @@ impl Unpaired {
         let frames = (contents.images.into_iter().zip(cameras).enumerate())
             .map(|(index, (image, camera))| Frame {
                 image,
+                name: contents.manifest.name_of(index),
                 turn: contents.manifest.turn(index),
                 camera: camera.expect("a frame without a camera is an error"),
                 world_from_camera: contents.poses.get(index).map(|&(_, pose)| pose),

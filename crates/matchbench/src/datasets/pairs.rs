@@ -6,7 +6,7 @@
 //! | `all` | every frame with every later one | 05 |
 //! | `window:9` | every frame with the next 9 | |
 //! | `window:9,stride:15` | the same among every 15th frame | 06-08 |
-//! | `list:FILE` | as listed: `a b` per line, further columns are ignored | |
+//! | `list:FILE` | as listed: `a b` per line, numbers of frames or names of images | |
 //! | `covisible:0.1..0.7` | frames whose share of common points is in that range | |
 //!
 //! Common points are known if the source has them (COLMAP models). The share of a frame is the number of common
@@ -22,6 +22,7 @@ use std::str::FromStr;
 
 use nalgebra::Isometry3;
 
+use super::pair_list::{is_numbered, listed, numbered};
 use super::text::TextFile;
 use super::{DatasetError, Frame, Pair};
 
@@ -44,7 +45,7 @@ pub enum PairRule {
     },
     /// The pairs listed in a file.
     List {
-        /// Text file with `a b` in each line.
+        /// Text file with `a b` in each line: numbers of frames, counted from 0, or names of images.
         file: PathBuf,
     },
     /// Every frame with every later one, if their share of common points is in a range.
@@ -130,7 +131,8 @@ impl PairRule {
         }
     }
 
-    /// The pairs `(a, b)` among `kept` frames, numbered after the stride was applied.
+    /// The pairs `(a, b)` among `kept` frames, numbered after the stride was applied. A list must have numbers of frames,
+    /// since names of images are not known here; [`PairRule::apply`] knows them.
     ///
     /// # Errors
     /// If the list cannot be read, or names a frame that does not exist, a frame with itself, or a pair twice.
@@ -148,7 +150,7 @@ impl PairRule {
                 .collect(),
             Self::All => (0..kept).flat_map(with_next(kept)).collect(),
             Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
-            Self::List { file } => return listed(&TextFile::read(file)?, Some(kept)),
+            Self::List { file } => return numbered(&TextFile::read(file)?, Some(kept)),
             Self::Covisible { .. } => return Err(self.without_points()),
         };
         Ok(pairs
@@ -163,6 +165,17 @@ impl PairRule {
             "nothing tells which points the frames have in common",
             "choose another rule, or import a COLMAP model with its points",
         )
+    }
+
+    /// Whether the rule is a list of numbers of frames.
+    ///
+    /// # Errors
+    /// If the list cannot be read.
+    pub(super) fn has_numbers(&self) -> Result<bool, DatasetError> {
+        match self {
+            Self::List { file } => Ok(is_numbered(&TextFile::read(file)?)),
+            _ => Ok(false),
+        }
     }
 
     /// A function that says whether the rule chooses a pair of frames. Frames are numbered after the stride was
@@ -185,7 +198,8 @@ impl PairRule {
                 Box::new(move |a, b| a < b && u64::from(b - a) <= size)
             }
             Self::List { file } => {
-                let pairs: HashSet<_> = listed(&TextFile::read(file)?, None)?.into_iter().collect();
+                let pairs = numbered(&TextFile::read(file)?, None)?;
+                let pairs: HashSet<_> = pairs.into_iter().collect();
                 Box::new(move |a, b| pairs.contains(&(a, b)))
             }
             Self::Covisible { .. } => return Err(self.without_points()),
@@ -195,10 +209,14 @@ impl PairRule {
     /// Applies the rule: returns the frames that remain, and their pairs with the true relative poses.
     ///
     /// # Errors
-    /// As [`PairRule::pairs`], and if a frame of a pair has no pose.
+    /// As [`PairRule::pairs`], if a list names an image that is not there, and if a frame of a pair has no pose.
     pub fn apply(&self, frames: Vec<Frame>) -> Result<(Vec<Frame>, Vec<Pair>), DatasetError> {
         let frames: Vec<Frame> = frames.into_iter().step_by(self.stride()).collect();
-        let pairs = with_poses(&frames, self.pairs(frames.len())?)?;
+        let pairs = match self {
+            Self::List { file } => listed(&TextFile::read(file)?, &frames)?,
+            rule => rule.pairs(frames.len())?,
+        };
+        let pairs = with_poses(&frames, pairs)?;
         Ok((frames, pairs))
     }
 }
@@ -263,45 +281,8 @@ pub fn relative_pose(
     world_from_b.inverse() * world_from_a
 }
 
-fn listed(file: &TextFile, kept: Option<usize>) -> Result<Vec<(u32, u32)>, DatasetError> {
-    let mut seen = HashSet::new();
-    file.rows()
-        .map(|(line, row)| {
-            let pair = pair_indices(row, kept).map_err(|what| file.error_at(line, what))?;
-            if !seen.insert(pair) {
-                return Err(file.error_at(line, "the pair stands here a second time"));
-            }
-            Ok(pair)
-        })
-        .collect()
-}
-
-/// The two frames at the start of a row, if they are different and below `frames`.
-pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32), String> {
-    let mut words = row.split_whitespace();
-    let mut index = || {
-        let word = words.next().ok_or("two frame numbers are expected")?;
-        let index: u32 = word
-            .parse()
-            .map_err(|_| format!("`{word}` is not the number of a frame"))?;
-        match frames {
-            Some(count) if index as usize >= count => Err(format!(
-                "frame {index} does not exist: there are {count}, numbered from 0"
-            )),
-            _ => Ok(index),
-        }
-    };
-    let (a, b) = (index()?, index()?);
-    if a == b {
-        return Err(format!("frame {a} is matched with itself"));
-    }
-    Ok((a, b))
-}
-
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use proptest::prelude::*;
 
     use super::*;
@@ -411,27 +392,10 @@ mod tests {
         assert_eq!(covisible(&[], 0.1, 1.0), []);
     }
 
-    #[test]
-    fn a_list_may_carry_more_columns_but_no_impossible_pairs() {
-        let list = |text: &str| listed(&TextFile::new(Path::new("list.txt"), text), Some(3));
-        assert_eq!(list("0 2 1 0 0\r\n\r\n2   1").unwrap(), [(0, 2), (2, 1)]);
-        for (text, message) in [
-            ("0 1\n0 3", "list.txt:2: frame 3 does not exist"),
-            ("1 1", "list.txt:1: frame 1 is matched with itself"),
-            ("0 1\n0 1", "list.txt:2: the pair stands here a second time"),
-            ("0", "list.txt:1: two frame numbers"),
-            ("0 -1", "list.txt:1: `-1` is not the number"),
-        ] {
-            let error = list(text).unwrap_err().to_string();
-            assert!(error.starts_with(message), "{error}");
-        }
-    }
-
     proptest! {
         #[test]
         fn no_text_panics(text in ".{0,40}") {
             let _ = text.parse::<PairRule>();
-            let _ = listed(&TextFile::new(Path::new("t"), &text), Some(3));
         }
     }
 }

@@ -24,6 +24,9 @@ pub struct Sequence {
 pub struct Frame {
     /// The image file.
     pub image: PathBuf,
+    /// What the image was called before it was copied or linked into the dataset, if that is known and another name:
+    /// its path below the folder of all images, with `/`. Files of matches may name it so.
+    pub name: Option<String>,
     /// How its stored pixels are turned before they are used.
     pub turn: Turn,
     /// The camera of the turned image.
@@ -79,6 +82,7 @@ impl Frame {
     ) -> Self {
         Self {
             image: image.into(),
+            name: None,
             turn: Turn::None,
             camera,
             world_from_camera: Some(world_from_camera),

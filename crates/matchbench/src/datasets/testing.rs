@@ -24,6 +24,7 @@ pub(super) fn frames(count: usize) -> Vec<Frame> {
     (0..count)
         .map(|index| Frame {
             image: PathBuf::new(),
+            name: None,
             turn: Turn::None,
             camera: CAMERA,
             world_from_camera: Some(pose(index)),

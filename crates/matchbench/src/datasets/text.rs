@@ -42,6 +42,14 @@ impl TextFile {
         }
     }
 
+    /// The same with blanks for commas, for files of numbers that may be separated by either.
+    pub(super) fn without_commas(self) -> Self {
+        Self {
+            text: self.text.replace(',', " "),
+            ..self
+        }
+    }
+
     pub(super) fn text(&self) -> &str {
         &self.text
     }

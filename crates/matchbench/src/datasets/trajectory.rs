@@ -104,10 +104,22 @@ pub(super) fn parse_tum_lines(file: &TextFile) -> Result<Vec<TimedPose>, Dataset
 
 /// Reads a trajectory in KITTI's format.
 pub(super) fn parse_kitti(file: &TextFile) -> Result<Vec<Isometry3<f64>>, DatasetError> {
+    parse_matrices(file, text::rigid_motion)
+}
+
+/// Reads poses as 16 numbers per line, the row-major 4x4 matrix.
+pub(super) fn parse_4x4(file: &TextFile) -> Result<Vec<Isometry3<f64>>, DatasetError> {
+    parse_matrices(file, text::rigid_motion_4x4)
+}
+
+fn parse_matrices<const N: usize>(
+    file: &TextFile,
+    motion: fn(&[f64; N]) -> Result<Isometry3<f64>, String>,
+) -> Result<Vec<Isometry3<f64>>, DatasetError> {
     file.rows()
         .map(|(line, row)| {
             text::exactly(row)
-                .and_then(|numbers| text::rigid_motion(&numbers))
+                .and_then(|numbers| motion(&numbers))
                 .map_err(|what| file.error_at(line, what))
         })
         .collect()

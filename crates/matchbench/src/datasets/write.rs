@@ -14,12 +14,13 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{FloatImage, GrayImage, Size};
 use rayon::prelude::*;
 
+use super::bring::{bring, common_folder, former_names, real_path};
 use super::depth::{DepthUnit, stored_value};
 use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
-use super::{About, DatasetError, Frame, Sequence, read_size};
+use super::{About, DatasetError, Frame, Sequence};
 use crate::files::{HELD, PREFIX, hold, remove_leftovers};
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
@@ -142,10 +143,20 @@ fn write_files(
     match images {
         ImageStorage::Reference => refer_to_images(&mut manifest, sequence)?,
         ImageStorage::Link | ImageStorage::Copy => {
+            let names = former_names(&sequence.frames)?;
+            let is_copied = matches!(images, ImageStorage::Copy);
             for (index, frame) in sequence.frames.iter().enumerate() {
-                bring(&frame.image, &folder, index, images)?;
+                let name = bring(&frame.image, &folder, index, is_copied)?;
+                let former = names[index]
+                    .as_deref()
+                    .filter(|former| Path::new(former) != name);
+                if let Some(former) = former {
+                    let frames = &mut manifest.frames;
+                    frames.resize(sequence.frames.len(), ManifestFrame::default());
+                    frames[index].name = Some(former.to_owned());
+                }
                 if let Some(file) = &frame.depth {
-                    let name = bring(&file.path, &depth, index, images)?;
+                    let name = bring(&file.path, &depth, index, is_copied)?;
                     manifest.frames[index].depth = Some(Path::new(DEPTH).join(name));
                 }
             }
@@ -203,12 +214,14 @@ fn write_files(
 fn describe(sequence: &Sequence, about: &About) -> Manifest {
     let first = sequence.frames.first().map(|frame| frame.camera);
     let shared = sequence.frames.iter().all(|f| Some(f.camera) == first);
-    let plain = |frame: &Frame| frame.turn.is_none() && frame.depth.is_none();
+    let plain =
+        |frame: &Frame| frame.turn.is_none() && frame.depth.is_none() && frame.name.is_none();
     let frames = if shared && sequence.frames.iter().all(plain) {
         Vec::new()
     } else {
         let own = |frame: &Frame| ManifestFrame {
             image: None,
+            name: frame.name.clone(),
             depth: None,
             camera: (!shared).then_some(frame.camera),
             turn: frame.turn,
@@ -259,61 +272,6 @@ fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), D
     Ok(())
 }
 
-/// The path without links; if the image does not exist yet, the path unchanged.
-pub(super) fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
-    let path = match fs::canonicalize(image) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => std::path::absolute(image),
-        found => found,
-    }
-    .map_err(|error| DatasetError::io(image, &error))?;
-    if path.to_str().is_none() {
-        return Err(DatasetError::new(
-            image,
-            "the path is not UTF-8, so dataset.toml cannot name it",
-            "rename the folder, or link or copy the images",
-        ));
-    }
-    Ok(path)
-}
-
-/// The deepest folder that contains all of `files`.
-pub(super) fn common_folder(files: &[PathBuf]) -> PathBuf {
-    let mut folder = files
-        .first()
-        .and_then(|f| f.parent())
-        .unwrap_or(Path::new(""));
-    for file in files {
-        while !file.starts_with(folder) {
-            folder = folder.parent().unwrap_or(Path::new(""));
-        }
-    }
-    folder.to_owned()
-}
-
-/// Links or copies a file of frame `index` into `folder`; returns its name there.
-fn bring(
-    file: &Path,
-    folder: &Path,
-    index: usize,
-    how: ImageStorage<'_>,
-) -> Result<PathBuf, DatasetError> {
-    let source = fs::canonicalize(file).map_err(|error| DatasetError::io(file, &error))?;
-    let extension = file.extension().unwrap_or_default();
-    let name = Path::new(&format!("{index:04}")).with_extension(extension.to_ascii_lowercase());
-    let target = folder.join(&name);
-    match how {
-        ImageStorage::Copy => {
-            // A list may name any file by a mistake or on purpose, and only images are copied. (A copy from a pipe
-            // would wait for data.)
-            read_size(&source)?;
-            fs::copy(&source, &target).map(drop)
-        }
-        _ => link(&source, &target),
-    }
-    .map_err(|error| DatasetError::io(&target, &error))?;
-    Ok(name)
-}
-
 /// How the depth of a sequence is stored, if it has any.
 fn depth_unit(sequence: &Sequence, dir: &Path) -> Result<Option<DepthUnit>, DatasetError> {
     let mut units = (sequence.frames.iter()).filter_map(|frame| Some(frame.depth.as_ref()?.unit));
@@ -327,16 +285,6 @@ fn depth_unit(sequence: &Sequence, dir: &Path) -> Result<Option<DepthUnit>, Data
         what,
         "make datasets of one way each",
     ))
-}
-
-#[cfg(unix)]
-fn link(source: &Path, target: &Path) -> std::io::Result<()> {
-    std::os::unix::fs::symlink(source, target)
-}
-
-#[cfg(not(unix))]
-fn link(source: &Path, target: &Path) -> std::io::Result<()> {
-    fs::hard_link(source, target)
 }
 
 /// The name of the file of a frame that is made here.
@@ -485,6 +433,57 @@ mod tests {
     }
 
     #[test]
+    fn copies_and_links_keep_the_names_of_the_images() {
+        let (folder, source) = testing::dataset();
+        let mut sequence = Sequence::open(&source).unwrap();
+        for (frame, name) in sequence
+            .frames
+            .iter_mut()
+            .zip(["db/7.png", "db/8.png", "q/7.png"])
+        {
+            let image = folder.path().join("elsewhere").join(name);
+            fs::create_dir_all(image.parent().unwrap()).unwrap();
+            fs::rename(&frame.image, &image).unwrap();
+            frame.image = image;
+        }
+        sequence.frames.truncate(3);
+        sequence.pairs.retain(|pair| pair.a.max(pair.b) < 3);
+        let names = |dir: &Path| -> Vec<Option<String>> {
+            let frames = Sequence::open(dir).unwrap().frames;
+            frames.into_iter().map(|frame| frame.name).collect()
+        };
+        let referring = folder.path().join("reference");
+        write_native(
+            &referring,
+            &sequence,
+            &About::default(),
+            ImageStorage::Reference,
+        )
+        .unwrap();
+        let fingerprint = Sequence::open(&referring).unwrap().fingerprint();
+        for (name, storage) in [("copy", ImageStorage::Copy), ("link", ImageStorage::Link)] {
+            let out = folder.path().join(name);
+            write_native(&out, &sequence, &About::default(), storage).unwrap();
+            assert_eq!(validate(&out), []);
+            let expected = ["db/7.png", "db/8.png", "q/7.png"].map(|name| Some(name.to_owned()));
+            assert_eq!(names(&out), expected, "{name}");
+            let found = Sequence::open(&out).unwrap();
+            assert_eq!(found.fingerprint(), fingerprint);
+            // A copy of the copy keeps them, and a reference does.
+            for (again, storage) in [("a", ImageStorage::Copy), ("b", ImageStorage::Reference)] {
+                let again = folder.path().join(format!("{name}-{again}"));
+                write_native(&again, &found, &About::default(), storage).unwrap();
+                assert_eq!(names(&again), expected);
+            }
+        }
+        let (folder, source) = testing::dataset();
+        let out = folder.path().join("same");
+        let numbered = Sequence::open(&source).unwrap();
+        write_native(&out, &numbered, &About::default(), ImageStorage::Copy).unwrap();
+        assert_eq!(names(&out), [const { None }; 4], "the copies are called so");
+    }
+
+    #[test]
     fn only_images_are_copied() {
         let (folder, source) = testing::dataset();
         let mut sequence = Sequence::open(&source).unwrap();
@@ -576,14 +575,5 @@ mod tests {
         fs::create_dir(&empty).unwrap();
         write(&empty, &Sequence::open(&dir).unwrap()).unwrap();
         assert_eq!(validate(&empty), []);
-    }
-
-    #[test]
-    fn the_common_folder_holds_all_files() {
-        let common =
-            |files: &[&str]| common_folder(&files.iter().map(PathBuf::from).collect::<Vec<_>>());
-        assert_eq!(common(&["/a/b/1.png", "/a/b/2.png"]), Path::new("/a/b"));
-        assert_eq!(common(&["/a/b/1.png", "/a/bc/2.png"]), Path::new("/a"));
-        assert_eq!(common(&[]), Path::new(""));
     }
 }

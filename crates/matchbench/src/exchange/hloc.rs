@@ -6,6 +6,9 @@
 //! | `matches.h5`, sparse | `<a>/<b>/matches0` (-1 = none), `matching_scores0` |
 //! | `matches.h5`, dense | `<a>/<b>/keypoints0`, `keypoints1` m x 2, `scores` |
 //!
+//! `pairs.list`, which is written beside them, has the names of the images of each pair, `a b` in a line: the list of pairs
+//! that hloc's programs ask for. It does not end in `.txt`, so it is not taken for matches.
+//!
 //! In names of pairs `-` stands for the `/` of image names; older versions write `<a>_<b>`. A pair
 //! may be there in either order. Where a file of features is given, sparse matches are read, since
 //! that is what hloc's own mapper reads; without one, dense matches. The first pixel's centre is at
@@ -20,6 +23,7 @@ use super::probe::{Content, Probe};
 use super::sparse::{keypoints, matched, row_by_row};
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
 use crate::arrays::{Hdf5, Hdf5Out};
+use crate::files::write_new;
 
 pub(super) const HLOC: Format = Format {
     id: "hloc",
@@ -85,23 +89,34 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
         "keypoints0"
     };
     let pairs: Vec<String> = groups(&arrays, marker).map(str::to_owned).collect();
+    let features = features.map(|(file, arrays)| Features::new(file, &arrays));
     let names = pairs.iter().map(|pair| {
-        let separator = if pair.contains('/') { '/' } else { '_' };
-        PairName::Joined(pair.clone(), separator)
+        // The groups of keypoints have the names as they are, with `/`.
+        let groups = features.as_ref().and_then(|known| known.only_pair(pair));
+        match groups {
+            Some([a, b]) => PairName::Two(a.to_owned(), b.to_owned()),
+            None => PairName::Joined(pair.clone(), separator(pair)),
+        }
     });
     let scores = match marker {
         "matches0" => "matching_scores0",
         _ => "scores",
     };
+    let names = names.collect();
     Ok(Contents {
-        pairs: names.collect(),
+        pairs: names,
         source: Box::new(Hloc {
             scored: has(&arrays, scores),
-            features: features.map(|(file, arrays)| Features::new(file, &arrays)),
+            features,
             matches,
             pairs,
         }),
     })
+}
+
+/// What is between the names of a pair.
+fn separator(pair: &str) -> char {
+    if pair.contains('/') { '/' } else { '_' }
 }
 
 struct Hloc {
@@ -130,12 +145,17 @@ impl Features {
         }
     }
 
-    /// The groups of both images of a pair.
-    fn of_pair(&self, pair: &str) -> Option<[&str; 2]> {
+    /// The groups of both images of a pair, however its name can be split.
+    fn of_pair(&self, pair: &str) -> impl Iterator<Item = [&str; 2]> {
         let group = |name: &str| self.groups.get(&name.replace('/', "-")).map(String::as_str);
-        let separator = if pair.contains('/') { '/' } else { '_' };
-        pair.match_indices(separator)
-            .find_map(|(at, _)| Some([group(&pair[..at])?, group(&pair[at + 1..])?]))
+        pair.match_indices(separator(pair))
+            .filter_map(move |(at, _)| Some([group(&pair[..at])?, group(&pair[at + 1..])?]))
+    }
+
+    /// The groups of both images of a pair, if its name can be split in one way only.
+    fn only_pair(&self, pair: &str) -> Option<[&str; 2]> {
+        let mut splits = self.of_pair(pair);
+        splits.next().filter(|_| splits.next().is_none())
     }
 }
 
@@ -160,7 +180,7 @@ impl Source for Hloc {
                 scores("scores")?.as_ref(),
             ),
             Some(features) => {
-                let [a, b] = features.of_pair(pair).ok_or_else(|| {
+                let [a, b] = features.of_pair(pair).next().ok_or_else(|| {
                     let what = format!("it lacks the keypoints of an image of `{pair}`");
                     ExchangeError::damaged(features.file.path(), what)
                 })?;
@@ -214,9 +234,15 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         matches.integers(format!("{group}/matches0"), &[count], &b_of_a);
         matches.doubles(format!("{group}/matching_scores0"), &[count], &scores);
     }
-    let paths = [folder.join("features.h5"), folder.join("matches.h5")];
+    let paths = ["features.h5", "matches.h5", "pairs.list"].map(|name| folder.join(name));
+    let unwritable = |path: &Path, error| ExchangeError::unwritable(path, error);
     for (out, path) in [features, matches].into_iter().zip(&paths) {
-        (out.write(path)).map_err(|error| ExchangeError::unwritable(path, error))?;
+        out.write(path).map_err(|error| unwritable(path, error))?;
     }
+    let name = |frame: u32| &*names[frame as usize];
+    let pairs: String = (export.pairs.iter())
+        .map(|pair| [name(pair.frames.0), " ", name(pair.frames.1), "\n"].concat())
+        .collect();
+    write_new(&paths[2], pairs.as_bytes()).map_err(|error| unwritable(&paths[2], error))?;
     Ok(paths.into())
 }

@@ -22,6 +22,8 @@ mod glue_factory;
 mod hloc;
 mod imc;
 mod names;
+#[cfg(test)]
+mod naming_tests;
 mod npz;
 mod options;
 mod packed;
@@ -109,6 +111,12 @@ impl Format {
     /// Whether matches can be written in it.
     pub fn can_write(&self) -> bool {
         self.write.is_some()
+    }
+
+    /// Whether it names images when it is written, and does not number frames. Names start from
+    /// [`Export::image_root`].
+    pub fn names_images(&self) -> bool {
+        ![npz::NPZ.id, packed::PACKED.id].contains(&self.id)
     }
 
     /// Writes `export` into `folder` and returns the files.

@@ -1,21 +1,16 @@
 //! Which frame a file of matches means: by number, or by the name of its image.
 //!
-//! Tools name an image by its path below some root (`db/0001.jpg`), by its file name, or without the
-//! extension; hloc writes `-` for `/` in names of pairs. All of these are understood, as long as only one
-//! image has a path that ends so. The root of a tool may lie above that of the dataset. So if a file has no name that is
-//! the end of a path, its names are looked up without their first folders. If it has some, its other names mean
-//! other images, such as those of other scenes. A name is never opened as a file.
+//! Names are understood as [`ImageNames`] says. The root of a tool may lie above that of the dataset. So if a file has
+//! no name that is the end of a path, its names are looked up without their first folders. If it has some, its other
+//! names mean other images, such as those of other scenes. Images that were copied or linked into the dataset answer to
+//! their former names too, and the file means whichever finds more pairs.
 
-use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::datasets::Sequence;
-
-/// Folders above an image that may be part of its name.
-const MAX_FOLDERS: usize = 6;
+use crate::datasets::{Frame, ImageNames, Named, Sequence};
 
 /// What a file calls a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,48 +43,43 @@ pub enum NamedBy {
     Image,
     /// By the name of the image without its first folders, which are those of another root.
     ImageEnd,
+    /// By the name that the image had before it was copied or linked into the dataset.
+    Former,
+    /// By that name without its first folders.
+    FormerEnd,
 }
 
 /// The names that the frames of a dataset answer to.
 pub(super) struct Names {
-    /// `None` for a name that several frames answer to.
-    frames: HashMap<String, Option<u32>>,
+    images: ImageNames,
+    /// The same with the former names of images, where they have any.
+    former: ImageNames,
     count: u32,
 }
 
 impl Names {
     pub(super) fn of(sequence: &Sequence) -> Self {
-        let mut frames = HashMap::new();
-        for (frame, number) in sequence.frames.iter().zip(0..) {
-            for name in names_of(&frame.image) {
-                (frames.entry(name))
-                    .and_modify(|known| {
-                        if *known != Some(number) {
-                            *known = None;
-                        }
-                    })
-                    .or_insert(Some(number));
-            }
-        }
+        let frames = &sequence.frames;
+        let has_former = frames.iter().any(|frame| frame.name.is_some());
         Self {
-            frames,
-            count: sequence.frames.len() as u32,
+            images: ImageNames::of(frames.iter().map(|frame| &*frame.image)),
+            former: if has_former {
+                ImageNames::of(frames.iter().map(former_path))
+            } else {
+                ImageNames::default()
+            },
+            count: frames.len() as u32,
         }
     }
 
-    /// The frame of that name.
-    fn by_image(&self, name: &str) -> Option<u32> {
-        self.frames.get(name).copied().flatten()
-    }
-
-    /// The frame of the longest end of that name which is a name.
-    fn by_end(&self, name: &str) -> Option<u32> {
-        let mut rest = name;
-        loop {
-            if let Some(frame) = self.frames.get(rest) {
-                return *frame;
-            }
-            (_, rest) = rest.split_once('/')?;
+    /// What `name` means.
+    fn named(&self, name: &str, by: NamedBy) -> Option<Named> {
+        match by {
+            NamedBy::Frame => self.by_number(name).map(Named::One),
+            NamedBy::Image => self.images.whole(name),
+            NamedBy::ImageEnd => self.images.end(name),
+            NamedBy::Former => self.former.whole(name),
+            NamedBy::FormerEnd => self.former.end(name),
         }
     }
 
@@ -98,13 +88,9 @@ impl Names {
         (number < self.count && name.bytes().all(|byte| byte.is_ascii_digit())).then_some(number)
     }
 
-    /// The frame that is called `name`.
+    /// The frame that is called `name`, if it is certain which.
     fn frame(&self, name: &str, by: NamedBy) -> Option<u32> {
-        match by {
-            NamedBy::Frame => self.by_number(name),
-            NamedBy::Image => self.by_image(name),
-            NamedBy::ImageEnd => self.by_end(name),
-        }
+        self.named(name, by)?.one()
     }
 
     /// The frames of a pair; `None` if the dataset has no such images.
@@ -132,6 +118,24 @@ impl Names {
         }
     }
 
+    /// The first of both names of a pair that several images have, with two of these, where otherwise the pair would be
+    /// one of the dataset.
+    pub(super) fn ambiguous(&self, name: &PairName, by: NamedBy) -> Option<Ambiguous> {
+        let of_both = |names: [&str; 2]| {
+            let [a, b] = names.map(|name| self.named(name, by));
+            (names.into_iter().zip([a?, b?])).find_map(|(name, named)| match named {
+                Named::One(_) => None,
+                Named::Several(one, other) => Some((name.to_owned(), [one, other])),
+            })
+        };
+        match name {
+            PairName::Frames(..) => None,
+            PairName::Two(a, b) => of_both([a, b]),
+            PairName::Joined(name, separator) => (name.match_indices(*separator))
+                .find_map(|(at, found)| of_both([&name[..at], &name[at + found.len()..]])),
+        }
+    }
+
     /// Whether `names` are those of images or numbers of frames: whichever means more pairs of this
     /// dataset, and images where both mean as many. True beside it, where some pair could be meant
     /// either way and would be another.
@@ -142,61 +146,56 @@ impl Names {
         {
             return (NamedBy::Frame, false);
         }
-        let found = |name, by| self.pair(name, by).ok().flatten();
-        let has_names = names
-            .iter()
-            .any(|name| found(name, NamedBy::Image).is_some());
-        let by_name = if has_names {
-            NamedBy::Image
-        } else {
-            NamedBy::ImageEnd
+        let found = |name: &PairName, by| self.pair(name, by).ok().flatten();
+        let counted = |by| {
+            (
+                by,
+                (names.iter().filter(|name| found(name, by).is_some())).count(),
+            )
         };
-        let (mut images, mut frames, mut doubtful) = (0, 0, false);
-        for name in names {
-            let image = found(name, by_name);
-            let frame = found(name, NamedBy::Frame);
-            images += usize::from(image.is_some());
-            frames += usize::from(frame.is_some());
-            doubtful |= image.is_some() && frame.is_some() && image != frame;
+        let mut ways = [NamedBy::Image, NamedBy::Former].map(counted);
+        if ways.iter().all(|(_, count)| *count == 0) {
+            ways = [NamedBy::ImageEnd, NamedBy::FormerEnd].map(counted);
         }
-        let by = if frames > images {
-            NamedBy::Frame
-        } else if images == 0 {
-            NamedBy::Image
-        } else {
-            by_name
+        let [images, former] = ways;
+        let frames = counted(NamedBy::Frame);
+        let (mut by, mut most) = images;
+        for (other, count) in [former, frames] {
+            if count > most {
+                (by, most) = (other, count);
+            }
+        }
+        if most == 0 {
+            // Some names may be found, but none for certain.
+            let is_ambiguous =
+                |by: &NamedBy| names.iter().any(|name| self.ambiguous(name, *by).is_some());
+            let ways = [
+                NamedBy::Image,
+                NamedBy::Former,
+                NamedBy::ImageEnd,
+                NamedBy::FormerEnd,
+            ];
+            let by = ways.into_iter().find(|by| is_ambiguous(by));
+            return (by.unwrap_or(NamedBy::Image), false);
+        }
+        let others = [images.0, former.0, frames.0];
+        let is_doubtful = |name: &PairName| {
+            let meant = found(name, by);
+            let differs =
+                |other: NamedBy| found(name, other).is_some_and(|other| Some(other) != meant);
+            meant.is_some() && others.into_iter().any(differs)
         };
-        (by, doubtful)
+        (by, names.iter().any(is_doubtful))
     }
 }
 
-/// The names that an image answers to: the ends of its path, also without the ending, and with `-`
-/// for `/`.
-fn names_of(image: &Path) -> Vec<String> {
-    let parts: Vec<_> = (image.iter().rev().take(1 + MAX_FOLDERS))
-        .map(|part| part.to_string_lossy())
-        .collect();
-    let mut names = Vec::new();
-    for depth in 1..=parts.len() {
-        let name = parts[..depth]
-            .iter()
-            .rev()
-            .map(AsRef::as_ref)
-            .collect::<Vec<&str>>();
-        let name = name.join("/");
-        let stem = match name.rsplit_once('.') {
-            Some((stem, ending)) if !ending.contains('/') => Some(stem.to_owned()),
-            _ => None,
-        };
-        for name in [Some(name), stem].into_iter().flatten() {
-            if name.contains('/') {
-                names.push(name.replace('/', "-"));
-            }
-            names.push(name);
-        }
-    }
-    names
+/// What the image of a frame was called before it was copied or linked.
+fn former_path(frame: &Frame) -> &Path {
+    frame.name.as_ref().map_or(&frame.image, Path::new)
 }
+
+/// A name, and two frames that it fits.
+pub(super) type Ambiguous = (String, [u32; 2]);
 
 #[cfg(test)]
 mod tests {
@@ -216,35 +215,22 @@ mod tests {
         })
     }
 
-    fn joined(name: &str) -> PairName {
-        PairName::Joined(name.into(), '_')
+    /// The same of images that were copied, with what they were called.
+    fn copied(images: &[(&str, &str)]) -> Names {
+        let camera = Camera::pinhole(1.0, 1.0, 0.0, 0.0);
+        let frame = |&(image, former): &(&str, &str)| Frame {
+            name: Some(former.into()),
+            ..Frame::with_pose(image, camera, Isometry3::identity())
+        };
+        Names::of(&Sequence {
+            name: "room".into(),
+            frames: images.iter().map(frame).collect(),
+            pairs: Vec::new(),
+        })
     }
 
-    #[test]
-    fn an_image_answers_to_the_ends_of_its_path() {
-        let names = names(&[
-            "/data/db/0007.jpg",
-            "/data/query/0007.jpg",
-            "/data/db/1.2.png",
-        ]);
-        for (name, frame) in [
-            ("db/0007.jpg", Some(0)),
-            ("query/0007.jpg", Some(1)),
-            ("query-0007.jpg", Some(1)),
-            ("data/db/0007", Some(0)),
-            ("elsewhere/query/0007.jpg", None),
-            ("1.2", Some(2)),
-            ("1.2.png", Some(2)),
-            ("0007.jpg", None),
-            ("0008.jpg", None),
-            ("../../../etc/passwd", None),
-            ("", None),
-        ] {
-            assert_eq!(names.by_image(name), frame, "{name}");
-        }
-        assert_eq!(names.by_end("elsewhere/query/0007.jpg"), Some(1));
-        assert_eq!(names.by_end("elsewhere/0007.jpg"), None, "there are two");
-        assert_eq!(names.by_end("elsewhere/0008.jpg"), None);
+    fn joined(name: &str) -> PairName {
+        PairName::Joined(name.into(), '_')
     }
 
     #[test]
@@ -280,6 +266,55 @@ mod tests {
             message.contains("(0, 1)") && message.contains("(1, 0)"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn copies_answer_to_the_names_that_the_images_had() {
+        let names = copied(&[
+            ("Images/0000.png", "left/000000.png"),
+            ("Images/0001.png", "left/000003.png"),
+            ("Images/0002.png", "left/000006.png"),
+            ("Images/0003.png", "left/000009.png"),
+        ]);
+        let kind = |pairs: &[&str]| {
+            let pairs: Vec<_> = pairs.iter().map(|name| joined(name)).collect();
+            let (by, doubtful) = names.kind(&pairs);
+            (by, doubtful, names.pair(&pairs[0], by).unwrap())
+        };
+        assert_eq!(
+            kind(&["000003_000006", "000006_000009"]),
+            (NamedBy::Former, false, Some((1, 2)))
+        );
+        // Pair 0 3 of numbers would be found too.
+        assert_eq!(
+            kind(&["000000_000003"]),
+            (NamedBy::Former, true, Some((0, 1)))
+        );
+        assert_eq!(
+            kind(&["0001.png_0003.png"]),
+            (NamedBy::Image, false, Some((1, 3)))
+        );
+        assert_eq!(kind(&["1_3"]), (NamedBy::Frame, false, Some((1, 3))));
+        let wider = ["kitti/left/000003.png_kitti/left/000009.png"];
+        assert_eq!(kind(&wider), (NamedBy::FormerEnd, false, Some((1, 3))));
+    }
+
+    #[test]
+    fn a_name_of_several_images_is_told() {
+        let names = names(&["db/a_0.JPG", "query/a_0.png", "query/b.png"]);
+        let pair = joined("a_0_b");
+        let (by, _) = names.kind(std::slice::from_ref(&pair));
+        assert_eq!(names.pair(&pair, by), Ok(None));
+        let ambiguous = names.ambiguous(&pair, by);
+        assert_eq!(ambiguous, Some(("a_0".to_owned(), [0, 1])));
+        let elsewhere = PairName::Two("x/a_0".into(), "x/b".into());
+        let (by, _) = names.kind(std::slice::from_ref(&elsewhere));
+        assert_eq!(
+            names.ambiguous(&elsewhere, by),
+            Some(("x/a_0".to_owned(), [0, 1]))
+        );
+        assert_eq!(names.ambiguous(&joined("a_0_c"), by), None, "there is no c");
+        assert_eq!(names.ambiguous(&joined("a_0.png_b"), NamedBy::Image), None);
     }
 
     #[test]

@@ -13,10 +13,11 @@ use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
-use super::names::{NamedBy, Names};
+use super::names::{Ambiguous, NamedBy, Names};
 use super::probe::Probe;
 use super::recognise::format_of;
 use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded};
+use crate::counted::counted;
 use crate::datasets::Sequence;
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
@@ -105,11 +106,15 @@ impl MatchFiles {
         let names = Names::of(sequence);
         let (named_by, doubtful) = names.kind(&contents.pairs);
         let mut found = BTreeMap::new();
+        let mut ambiguous = Vec::new();
         for (index, name) in contents.pairs.iter().enumerate() {
             let file = contents.source.file(index);
             let frames = names.pair(name, named_by).map_err(|what| {
                 ExchangeError::new(file, what, "name the images with their ending")
             })?;
+            if frames.is_none() {
+                ambiguous.extend(names.ambiguous(name, named_by));
+            }
             if let Some(frames) = frames
                 && let Some(before) = found.insert(frames, index)
             {
@@ -146,15 +151,24 @@ impl MatchFiles {
         this.assign(&found, contents.pairs.len(), sequence)?;
         if this.pairs.is_empty() && !sequence.pairs.is_empty() && known.is_none() {
             let name = &sequence.name;
-            let what = format!("none of its pairs is one of the dataset `{name}`");
+            let mut what = format!("none of its pairs is one of the dataset `{name}`");
+            if let Some(why) = of_several_images(&ambiguous, sequence) {
+                what = format!("{what}: {why}");
+            }
             let remedy = "name images as the dataset does, or frames by number";
             return Err(ExchangeError::new(&files[0], what, remedy));
         }
+        let lost = of_several_images(&ambiguous, sequence);
+        this.survey.warnings.extend(lost);
         if doubtful {
             this.survey.warnings.push(
                 match named_by {
                     NamedBy::Image | NamedBy::ImageEnd => {
-                        "names of images are numbers of other frames too; they were taken as names"
+                        "names of images could mean other frames too, by number or by a former name; they were taken as names"
+                    }
+                    NamedBy::Former | NamedBy::FormerEnd => {
+                        "names that images had before they were copied or linked are numbers or new names of other \
+                         frames too; they were taken as the former names"
                     }
                     NamedBy::Frame => {
                         "numbers of frames are names of other images too; they were taken as numbers"
@@ -362,6 +376,17 @@ impl MatchFiles {
     fn wrong(&self, index: usize, (a, b): (u32, u32), what: String) -> ExchangeError {
         ExchangeError::damaged(self.source.file(index), what).at(pair_in_words(a, b))
     }
+}
+
+/// That pairs are left out since their names fit several images, if there are any.
+fn of_several_images(pairs: &[Ambiguous], sequence: &Sequence) -> Option<String> {
+    let (name, frames) = pairs.first()?;
+    let [one, other] = frames.map(|frame| sequence.frames[frame as usize].image.display());
+    Some(format!(
+        "{} cannot be told, since a name fits several images: `{name}` is {one} and {other}. Name them with their \
+         folders and endings",
+        counted(pairs.len(), "pair")
+    ))
 }
 
 fn pair_in_words(a: u32, b: u32) -> String {

@@ -129,6 +129,10 @@ impl fmt::Display for Understood {
             NamedBy::ImageEnd => {
                 "; frames by image name, without the first folders, which the dataset does not have"
             }
+            NamedBy::Former => "; frames by the names of the images before they were copied or linked",
+            NamedBy::FormerEnd => {
+                "; frames by the names of the images before they were copied or linked, without the first folders"
+            }
         })?;
         write!(f, "; first pixel's centre at {}", self.pixel_center)?;
         if let Some([width, height]) = self.resized {

@@ -282,6 +282,7 @@ mod tests {
         let frame = Frame {
             turn: Turn::None,
             image: "nowhere.png".into(),
+            name: None,
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,
             depth: None,

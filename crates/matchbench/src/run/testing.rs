@@ -45,6 +45,7 @@ pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
         fs::write(&image, pixels).unwrap();
         Frame {
             image,
+            name: None,
             turn: Turn::None,
             camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
             world_from_camera: None,

@@ -14,8 +14,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench::datasets::{
-    DepthFile, DepthUnit, ImportOptions, Imported, Pair, Sequence, Truth, Turn, decode_gray,
-    read_pairs, read_source,
+    DepthFile, DepthUnit, Frame, ImportOptions, Imported, Pair, PairRule, Sequence, Truth, Turn,
+    decode_gray, read_pairs, read_source,
 };
 use matchbench::exchange::{Export, Format, MatchFiles, PairExport, ReadOptions};
 use matchbench::external::{BuiltIn, Manifest};
@@ -74,6 +74,7 @@ const DOORS: &[Door] = &[
         doors.dataset("homographies.txt", bytes)
     }),
     ("poses", Doors::poses),
+    ("list of pairs", Doors::list_of_pairs),
     ("superglue", |doors, bytes| {
         doors.import("superglue", "list.txt", bytes)
     }),
@@ -336,6 +337,21 @@ impl Doors {
         };
         let source = self.at("truth/sound/Images");
         check_imported(read_source("folder", &source, &options).ok())
+    }
+
+    /// A list among four images.
+    fn list_of_pairs(&self, bytes: &[u8]) -> bool {
+        let file = self.file("list.txt", bytes);
+        let camera = Camera::pinhole(4.0, 4.0, 1.5, 1.0);
+        let frames = ["db/0.pgm", "db/1.pgm", "query/0.pgm", "query/a-1.pgm"]
+            .map(|image| Frame::with_pose(image, camera, Isometry3::identity()));
+        let Ok((frames, pairs)) = (PairRule::List { file }).apply(frames.into()) else {
+            return false;
+        };
+        check_pairs(&pairs);
+        let is_there = |pair: &Pair| (pair.a.max(pair.b) as usize) < frames.len();
+        assert!(pairs.iter().all(is_there));
+        true
     }
 
     fn import(&self, kind: &str, name: &str, bytes: &[u8]) -> bool {

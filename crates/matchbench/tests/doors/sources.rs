@@ -14,6 +14,7 @@ const DOORS: &str = "\
     kitti kitti/sequences/00/calib.txt kitti
     strecha strecha/images/0000.pgm.camera strecha
     7scenes 7scenes/frame-000000.pose.txt seven scenes
+    scannet-raw scan/intrinsic/intrinsic_color.txt scan
     euroc euroc/cam0/sensor.yaml euroc sensor
     euroc euroc/state_groundtruth_estimate0/data.csv euroc states
     zeb zeb/room_0000_0001.txt zeb
@@ -56,6 +57,11 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         ),
         ("strecha/images/0000.pgm.camera", text(STRECHA)),
         ("7scenes/frame-000000.pose.txt", text(POSE)),
+        ("scan/pose/0.txt", text(POSE)),
+        (
+            "scan/intrinsic/intrinsic_color.txt",
+            text("4 0 1.5 0\n0 4 1 0\n0 0 1 0\n0 0 0 1\n"),
+        ),
         ("euroc/cam0/sensor.yaml", text(SENSOR)),
         (
             "euroc/cam0/data.csv",
@@ -76,6 +82,7 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         "kitti/sequences/00/image_0/000001.pgm",
         "strecha/images/0000.pgm",
         "7scenes/frame-000000.color.pgm",
+        "scan/color/0.pgm",
         "oxford/img1.pgm",
         "oxford/img2.pgm",
     ] {

@@ -77,9 +77,9 @@ fn stored_camera(frame: &Frame) -> Result<(Camera, Size), DatasetError> {
 /// The folder that contains all images, and the name of each relative to it, with `/`.
 fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
     let paths = (sequence.frames.iter())
-        .map(|frame| super::write::real_path(&frame.image))
+        .map(|frame| super::bring::real_path(&frame.image))
         .collect::<Result<Vec<_>, _>>()?;
-    let root = super::write::common_folder(&paths);
+    let root = super::bring::common_folder(&paths);
     let name = |path: &PathBuf| {
         let relative = path.strip_prefix(&root).unwrap_or(path);
         let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();

@@ -1,8 +1,8 @@
 //! A plain folder of images, a file of poses and a calibration matrix.
 //!
 //! Images are in the folder or in its `images/`, `Images/` or `rgb/`, in natural order (`img2` before `img10`).
-//! `poses.txt` has one camera-to-world line per image, in that order: 12 numbers (KITTI) or
-//! `time tx ty tz qx qy qz qw` (TUM). The times in it are normally ignored. But if the images are named by
+//! `poses.txt` has one camera-to-world line per image, in that order: 12 numbers (KITTI), the 16 of a 4x4 matrix, or
+//! `time tx ty tz qx qy qz qw` (TUM). Commas may separate numbers. The times in it are normally ignored. But if the images are named by
 //! their times (`1341847980.722988.png`) and the poses are in TUM's format, images and poses are associated by
 //! time. Otherwise a folder that has images in formats that are not read too (`3.gif`) is refused, since a line might
 //! be theirs. `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::counted::counted;
 use crate::datasets::text::TextFile;
-use crate::datasets::trajectory::{parse_kitti, parse_tum, parse_tum_lines};
+use crate::datasets::trajectory::{parse_4x4, parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
@@ -34,7 +34,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         .poses
         .clone()
         .unwrap_or_else(|| src.join("poses.txt"));
-    let poses = poses(&TextFile::read(&file)?, &images, &unread, options)?;
+    let poses = poses(
+        &TextFile::read(&file)?.without_commas(),
+        &images,
+        &unread,
+        options,
+    )?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
     for (image, pose) in images.into_iter().zip(poses) {
@@ -89,10 +94,11 @@ fn poses(
             lines.iter().map(|p| p.world_from_camera).collect()
         }
         Some(12) => parse_kitti(file)?,
+        Some(16) => parse_4x4(file)?,
         _ => {
             return Err(file.error(
                 "these are no poses",
-                "expected 12 numbers (KITTI) or time tx ty tz qx qy qz qw (TUM) per line",
+                "expected per line 12 numbers (KITTI), the 16 of a 4x4 matrix, or time tx ty tz qx qy qz qw (TUM)",
             ));
         }
     };

@@ -34,6 +34,7 @@ impl NamedFrames {
             .or_insert_with(|| {
                 frames.push(Frame {
                     image,
+                    name: None,
                     turn,
                     camera,
                     world_from_camera,

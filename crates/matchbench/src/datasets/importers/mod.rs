@@ -20,6 +20,7 @@ mod pickle;
 mod references;
 mod rendered;
 mod scannet;
+mod scannet_raw;
 mod seven_scenes;
 mod strecha;
 mod superglue;
@@ -92,7 +93,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         id: "folder",
-        help: "images, poses.txt (one TUM or KITTI line per image), camera.txt or K.txt (3x3)",
+        help: "images, poses.txt (per image one TUM or KITTI line or a 4x4), camera.txt or K.txt (3x3)",
         default_pairs: Some(PairRule::All),
         options: &[
             Has::Pairs,
@@ -116,6 +117,13 @@ pub const KINDS: &[Kind] = &[
         default_pairs: None,
         options: &[Has::ImageRoot, Has::Intrinsics],
         read: scannet::read,
+    },
+    Kind {
+        id: "scannet-raw",
+        help: "a scan of ScanNet: color/N.jpg, pose/N.txt (4x4), intrinsic/intrinsic_color.txt",
+        default_pairs: Some(PairRule::Fragments { length: 15 }),
+        options: &[Has::Pairs, Has::Camera],
+        read: scannet_raw::read,
     },
     Kind {
         id: "megadepth",
@@ -301,6 +309,12 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
     let found = imported.frames.len();
     let sequence = imported.sequence.clone();
     let (frames, pairs) = imported.paired(rule)?;
+    if let Some(rule) = rule
+        && rule.has_numbers()?
+    {
+        let note = numbers_of_frames(&frames, &pairs, &about.notes);
+        about.notes.extend(note);
+    }
     if pairs.is_empty() {
         let by = rule.map_or(String::new(), |rule| format!(" under the rule {rule}"));
         return Err(DatasetError::new(
@@ -335,6 +349,33 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
         rule: rule.cloned(),
         scene,
     })
+}
+
+/// What the numbers of a list of pairs mean, where they may be taken for those of images: images were left out, or the
+/// first image is not called 0.
+fn numbers_of_frames(frames: &[Frame], pairs: &[Pair], notes: &[String]) -> Option<String> {
+    let name = |frame: u32| base_name(&frames[frame as usize].image);
+    let differs = |frame: &u32| {
+        let name = name(*frame);
+        let mut numbers = name.split(|c: char| !c.is_ascii_digit());
+        numbers.all(|number| number.parse() != Ok(*frame))
+    };
+    let is_number = |frame: &u32| {
+        let name = name(*frame);
+        let stem = name.split_once('.').map_or(&*name, |(stem, _)| stem);
+        stem.parse::<u32>().is_ok()
+    };
+    let listed = || pairs.iter().flat_map(|pair| [pair.a, pair.b]);
+    let mut other = listed().filter(differs);
+    let shown = if notes.iter().any(|note| note.starts_with(LEFT_OUT)) {
+        other.next().or_else(|| listed().next())
+    } else {
+        other.find(is_number)
+    }?;
+    Some(format!(
+        "the list numbers the frames of this dataset from 0: {shown} is {}; if images are meant, list their names",
+        name(shown)
+    ))
 }
 
 /// No dataset may have a pair twice, though sources may.
@@ -387,7 +428,7 @@ fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Impor
             "check the path",
         ));
     }
-    let imported = (kind.read)(src, options)?;
+    let imported = (kind.read)(src, options).map_err(|error| with_layout(error, kind, src))?;
     if imported.frames.is_empty() {
         return Err(DatasetError::new(
             src,
@@ -396,6 +437,17 @@ fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Impor
         ));
     }
     Ok(imported)
+}
+
+/// The error, with what the kind expects where a file of its layout is not there: `src` may be the folder above.
+fn with_layout(error: DatasetError, kind: &Kind, src: &Path) -> DatasetError {
+    if error.line.is_some() || !error.file.starts_with(src) || error.file.exists() {
+        return error;
+    }
+    DatasetError {
+        remedy: format!("{}; kind {} reads {}", error.remedy, kind.id, kind.help),
+        ..error
+    }
 }
 
 fn missing_images(frames: &[Frame]) -> Option<String> {
@@ -422,7 +474,7 @@ fn given_camera(
             .find(|p| is_there(p))
     };
     match options.camera.clone().or_else(in_source) {
-        Some(file) => parse_camera(&TextFile::read(&file)?).map(Some),
+        Some(file) => parse_camera(&TextFile::read(&file)?.without_commas()).map(Some),
         None => Ok(None),
     }
 }
@@ -448,10 +500,13 @@ fn source_name(path: &Path, scene: Option<&Scene>) -> String {
     name
 }
 
+/// What a note begins with that says which images were left out.
+const LEFT_OUT: &str = "left out: ";
+
 /// "left out: 3 images `why` (a, b, c)", if there is any.
 fn images_left_out(why: &str, images: &[String]) -> Option<String> {
     let count = counted(images.len(), "image");
-    note_of(&format!("left out: {count} {why}"), images)
+    note_of(&format!("{LEFT_OUT}{count} {why}"), images)
 }
 
 /// The images of a folder, and the names of those in formats that are not read.
@@ -464,7 +519,7 @@ fn images_and_unread(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>), Datas
 
 /// "left out: 3 images in formats that are not read (a, b, c)", if there is any.
 fn unread_left_out(unread: &[String]) -> Option<String> {
-    note_of(&format!("left out: {}", in_other_formats(unread)), unread)
+    note_of(&format!("{LEFT_OUT}{}", in_other_formats(unread)), unread)
 }
 
 fn in_other_formats(unread: &[String]) -> String {
@@ -482,6 +537,8 @@ fn note_of(what: &str, items: &[String]) -> Option<String> {
     }
 }
 
+#[cfg(test)]
+mod folder_tests;
 #[cfg(test)]
 mod list_tests;
 #[cfg(test)]

@@ -28,7 +28,7 @@ use crate::datasets::text;
 use crate::datasets::{DatasetError, DepthFile, DepthUnit, Pair, Turn, read_size};
 
 /// Size of ScanNet's colour images.
-const COLOR: (f64, f64) = (1296.0, 968.0);
+pub(super) const COLOR: (f64, f64) = (1296.0, 968.0);
 /// Image size to which the K of `intrinsics.npz` belong.
 const SMALL: (f64, f64) = (640.0, 480.0);
 
@@ -45,6 +45,10 @@ struct Name {
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let fail = |what: String| DatasetError::new(src, what, "give LoFTR's test.npz of ScanNet");
+    if src.is_dir() {
+        let remedy = "give LoFTR's test.npz, or import the folder of a scan as kind scannet-raw";
+        return Err(DatasetError::new(src, "this is a folder", remedy));
+    }
     let mut list = Npz::open(src).map_err(DatasetError::of_array)?;
     let [names, poses] =
         ["name", "rel_pose"].map(|name| list.array(name).map_err(DatasetError::of_array));
@@ -168,7 +172,7 @@ fn layout(root: &Path, rows: &[(Name, Isometry3<f64>)]) -> Layout {
 }
 
 /// The depth of the image, if it exists.
-fn depth_of(image: &Path) -> Option<DepthFile> {
+pub(super) fn depth_of(image: &Path) -> Option<DepthFile> {
     let (folder, name) = (image.parent()?, image.file_name()?.to_str()?);
     let candidates = if let Some(frame) = name.strip_suffix(".color.jpg") {
         ["png", "pgm"].map(|end| folder.join(format!("{frame}.depth.{end}")))
@@ -207,7 +211,7 @@ fn original(intrinsics: &mut Npz, scan: &str) -> Result<Camera, DatasetError> {
 }
 
 /// The camera of images that were scaled to this size.
-fn scaled(original: Camera, size: (f64, f64)) -> Camera {
+pub(super) fn scaled(original: Camera, size: (f64, f64)) -> Camera {
     if size == COLOR {
         return original;
     }

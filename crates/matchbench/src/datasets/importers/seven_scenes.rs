@@ -129,7 +129,7 @@ fn choose(src: &Path, wanted: Option<&str>) -> Result<Option<String>, DatasetErr
 }
 
 /// The pose in a file of 4x4 numbers; `None` if one of them is not finite.
-fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetError> {
+pub(super) fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetError> {
     let is_lost = |word: &str| {
         let word = word.to_lowercase();
         word.contains("nan") || word.contains("inf") || word.contains('#')

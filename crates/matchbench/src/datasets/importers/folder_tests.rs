@@ -1,0 +1,172 @@
+//! Tests of folders that importers read: lists of pairs, what is expected of a folder, and formats of numbers.
+
+use std::fs;
+
+use super::tests::source;
+use super::*;
+use crate::datasets::testing;
+
+#[test]
+fn a_list_names_images_or_numbers_the_frames_that_are_left() {
+    let pose = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    let names: Vec<_> = (0..4).map(|i| format!("frame-00000{i}")).collect();
+    let files: Vec<_> = (names.iter())
+        .flat_map(|name| {
+            [
+                (format!("{name}.color.png"), ""),
+                (format!("{name}.pose.txt"), pose),
+            ]
+        })
+        .collect();
+    let files: Vec<_> = files.iter().map(|(name, text)| (&**name, *text)).collect();
+    let (folder, src) = source("mine", &files);
+    fs::write(
+        src.join("frame-000001.pose.txt"),
+        pose.replace('1', "-1.#IND"),
+    )
+    .unwrap();
+    let list = folder.path().join("list.txt");
+    let import_as = |name: &str, text: &str| {
+        fs::write(&list, text).unwrap();
+        let options = ImportOptions {
+            pairs: Some(format!("list:{}", list.display()).parse().unwrap()),
+            ..ImportOptions::default()
+        };
+        import("7scenes", &src, &folder.path().join(name), &options)
+    };
+    let numbered = import_as("numbered", "0 2\n").unwrap();
+    let note = numbered.notes.last().unwrap();
+    assert!(
+        note.contains("from 0: 2 is frame-000003.color.png"),
+        "{note}"
+    );
+    let named = import_as("named", "frame-000000.color.png frame-000002.color.png\n").unwrap();
+    assert_eq!(named.notes, numbered.notes[..numbered.notes.len() - 1]);
+    let pairs = Sequence::open(&folder.path().join("named")).unwrap().pairs;
+    assert_eq!((pairs[0].a, pairs[0].b), (0, 1));
+    let gone = import_as("gone", "frame-000000.color.png frame-000001.color.png\n").unwrap_err();
+    assert_eq!(gone.line, Some(1), "{gone}");
+}
+
+#[test]
+fn the_numbers_of_a_part_of_a_sequence_are_those_of_its_frames() {
+    let frames = |first: usize| {
+        let mut frames = testing::frames(3);
+        for (frame, number) in frames.iter_mut().zip(first..) {
+            frame.image = format!("image_0/{number:06}.png").into();
+        }
+        frames
+    };
+    let note = |first| {
+        let (frames, pairs) = PairRule::All.apply(frames(first)).unwrap();
+        numbers_of_frames(&frames, &pairs, &[])
+    };
+    assert_eq!(note(0), None);
+    let note = note(100).unwrap();
+    assert!(note.contains("0 is 000100.png"), "{note}");
+}
+
+#[test]
+fn a_folder_above_is_told_what_is_expected() {
+    let (_folder, src) = source("above", &[("inner/rgb.txt", "")]);
+    for (kind, expected) in [
+        ("tum", "rgb.txt: "),
+        ("kitti", "sequences: "),
+        ("euroc", "sensor.yaml: "),
+        ("colmap", "cameras.txt: "),
+        ("scannet-raw", "intrinsic_color.txt: "),
+    ] {
+        let error = read_source(kind, &src, &ImportOptions::default()).unwrap_err();
+        let help = find(kind).unwrap().help;
+        let message = error.to_string();
+        assert!(
+            message.contains(expected) && message.ends_with(help),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn commas_and_4x4_matrices_are_read() {
+    let files = [
+        ("0.png", ""),
+        ("1.png", ""),
+        ("K.txt", "20,0,12\n0,20,8\n0,0,1\n"),
+        (
+            "poses.txt",
+            "1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1\n1,0,0,8,0,1,0,6,0,0,1,7,0,0,0,1\n",
+        ),
+        (
+            "tum.txt",
+            "1, 5, 6, 7, 0, 0, 0, 1\n2, 8, 6, 7, 0, 0, 0, 1\n",
+        ),
+    ];
+    let (_folder, src) = source("mine", &files);
+    let read = |poses: &str| {
+        let options = ImportOptions {
+            poses: Some(src.join(poses)),
+            ..ImportOptions::default()
+        };
+        read_source("folder", &src, &options)
+    };
+    let found = read("poses.txt").unwrap().frames;
+    assert_eq!(found[0].camera, Camera::pinhole(20.0, 20.0, 12.0, 8.0));
+    let x = |frame: &Frame| frame.world_from_camera.unwrap().translation.x;
+    assert_eq!((x(&found[0]), x(&found[1])), (5.0, 8.0));
+    assert_eq!(read("tum.txt").unwrap().frames, found);
+    fs::write(src.join("poses.txt"), "1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 2\n").unwrap();
+    let error = read("poses.txt").unwrap_err();
+    assert!(
+        error.line == Some(1) && error.what.contains("last row"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_scan_of_scannet_has_a_pose_in_a_file_for_each_image() {
+    let pose = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    let lost = "-inf -inf -inf -inf\n".repeat(4);
+    let (first, second) = (pose("0"), pose("3"));
+    let files = [
+        ("color/0.png", ""),
+        ("color/2.png", ""),
+        ("color/10.png", ""),
+        ("color/11.png", ""),
+        ("pose/0.txt", &*first),
+        ("pose/2.txt", &lost),
+        ("pose/10.txt", &second),
+        ("depth/10.png", ""),
+        (
+            "intrinsic/intrinsic_color.txt",
+            "1296 0 647.5 0\n0 968 483.5 0\n0 0 1 0\n0 0 0 1\n",
+        ),
+    ];
+    let (_folder, src) = source("scene0000_00", &files);
+    let found = read_source("scannet-raw", &src, &ImportOptions::default()).unwrap();
+    let images: Vec<_> = found
+        .frames
+        .iter()
+        .map(|frame| base_name(&frame.image))
+        .collect();
+    assert_eq!(images, ["0.png", "10.png"]);
+    assert_eq!(
+        found.frames[1].world_from_camera.unwrap().translation.x,
+        3.0
+    );
+    let depth = found.frames[1].depth.as_ref().unwrap();
+    assert!(found.frames[0].depth.is_none() && depth.path.ends_with("depth/10.png"));
+    let notes = &found.about.notes;
+    assert!(
+        notes[0].contains("1 image whose pose is not finite (2.png)"),
+        "{notes:?}"
+    );
+    assert!(
+        notes[1].contains("1 image without a pose (11.png)"),
+        "{notes:?}"
+    );
+    // K is scaled to the size of the images.
+    let size = found.frames[0].size().unwrap();
+    let (camera, width) = (found.frames[0].camera, size.width as f64);
+    assert!((camera.fx - width).abs() < 1e-9 && (camera.cx - (width - 1.0) / 2.0).abs() < 1e-9);
+    assert!(notes[2].contains("scaled"), "{notes:?}");
+}

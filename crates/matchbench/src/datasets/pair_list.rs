@@ -1,0 +1,196 @@
+//! A list of pairs as a text file: `a b` in each line, where further columns are ignored. `a` and `b` are numbers of
+//! frames, counted from 0, or names of images. The first line says which: two whole numbers are those of frames.
+
+use std::collections::HashSet;
+
+use super::names::{ImageNames, Named};
+use super::text::TextFile;
+use super::{DatasetError, Frame};
+
+/// What is said of a pair that is listed again.
+const TWICE: &str = "the pair stands here a second time";
+
+/// The pairs of a list of numbers, which are below `frames` if that is known.
+pub(super) fn numbered(
+    file: &TextFile,
+    frames: Option<usize>,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
+    distinct(file, |row| pair_indices(row, frames))
+}
+
+/// The pairs of a list among `frames`.
+pub(super) fn listed(file: &TextFile, frames: &[Frame]) -> Result<Vec<(u32, u32)>, DatasetError> {
+    if is_numbered(file) {
+        return numbered(file, Some(frames.len()));
+    }
+    let names = ImageNames::of(frames.iter().map(|frame| &*frame.image));
+    let is_whole = |name: &str| names.whole(name).is_some();
+    // The names may start from another root. If some do not, the others mean other images.
+    let any_whole = (file.rows())
+        .any(|(_, row)| two_words(row).is_some_and(|words| words.map(is_whole) == [true; 2]));
+    let find = |name: &str| match if any_whole {
+        names.whole(name)
+    } else {
+        names.end(name)
+    } {
+        Some(Named::One(number)) => Ok(number),
+        Some(Named::Several(one, other)) => {
+            let image = |number: u32| frames[number as usize].image.display();
+            let (one, other) = (image(one), image(other));
+            Err(format!("`{name}` is the name of {one} and of {other}"))
+        }
+        None => Err(format!("`{name}` is the name of no image of the dataset")),
+    };
+    distinct(file, |row| {
+        let [a, b] = two_words(row).ok_or("two names of images are expected")?;
+        let (a, b) = (find(a)?, find(b)?);
+        if a == b {
+            return Err(format!(
+                "{} is matched with itself",
+                frames[a as usize].image.display()
+            ));
+        }
+        Ok((a, b))
+    })
+}
+
+/// Whether a list has numbers of frames.
+pub(super) fn is_numbered(file: &TextFile) -> bool {
+    let is_number = |word: &str| word.parse::<u32>().is_ok();
+    (file.rows().next()).is_none_or(|(_, row)| row.split_whitespace().take(2).all(is_number))
+}
+
+fn two_words(row: &str) -> Option<[&str; 2]> {
+    let mut words = row.split_whitespace();
+    Some([words.next()?, words.next()?])
+}
+
+/// The pairs of all rows, each of them once.
+fn distinct(
+    file: &TextFile,
+    pair: impl Fn(&str) -> Result<(u32, u32), String>,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
+    let mut seen = HashSet::new();
+    file.rows()
+        .map(|(line, row)| {
+            let pair = pair(row).map_err(|what| file.error_at(line, what))?;
+            if !seen.insert(pair) {
+                return Err(file.error_at(line, TWICE));
+            }
+            Ok(pair)
+        })
+        .collect()
+}
+
+/// The two frames at the start of a row, if they are different and below `frames`.
+pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32), String> {
+    let mut words = row.split_whitespace();
+    let mut index = || {
+        let word = words.next().ok_or("two frame numbers are expected")?;
+        let index: u32 = word
+            .parse()
+            .map_err(|_| format!("`{word}` is not the number of a frame"))?;
+        match frames {
+            Some(count) if index as usize >= count => Err(format!(
+                "frame {index} does not exist: there are {count}, numbered from 0"
+            )),
+            _ => Ok(index),
+        }
+    };
+    let (a, b) = (index()?, index()?);
+    if a == b {
+        return Err(format!("frame {a} is matched with itself"));
+    }
+    Ok((a, b))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::super::testing;
+    use super::*;
+
+    fn file(text: &str) -> TextFile {
+        TextFile::new(Path::new("list.txt"), text)
+    }
+
+    fn frames(images: &[&str]) -> Vec<Frame> {
+        let mut frames = testing::frames(images.len());
+        for (frame, image) in frames.iter_mut().zip(images) {
+            frame.image = image.into();
+        }
+        frames
+    }
+
+    #[test]
+    fn a_list_may_carry_more_columns_but_no_impossible_pairs() {
+        let list = |text: &str| numbered(&file(text), Some(3));
+        assert_eq!(list("0 2 1 0 0\r\n\r\n2   1").unwrap(), [(0, 2), (2, 1)]);
+        for (text, message) in [
+            ("0 1\n0 3", "list.txt:2: frame 3 does not exist"),
+            ("1 1", "list.txt:1: frame 1 is matched with itself"),
+            ("0 1\n0 1", "list.txt:2: the pair stands here a second time"),
+            ("0", "list.txt:1: two frame numbers"),
+            ("0 -1", "list.txt:1: `-1` is not the number"),
+        ] {
+            let error = list(text).unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+    }
+
+    #[test]
+    fn images_are_listed_by_name() {
+        let frames = frames(&["src/db/1.jpg", "src/db/2.jpg", "src/query/1.jpg"]);
+        let list = |text: &str| listed(&file(text), &frames);
+        let pairs = list("# hloc's\ndb/1.jpg db/2.jpg 0.83\n\nquery/1 db/1\n").unwrap();
+        assert_eq!(pairs, [(0, 1), (2, 0)]);
+        let wider = list("all/src/db/2.jpg all/src/query/1.jpg").unwrap();
+        assert_eq!(wider, [(1, 2)]);
+        assert_eq!(list("0 2\n").unwrap(), [(0, 2)], "these are numbers");
+        for (text, message) in [
+            (
+                "db/1.jpg db/9.jpg",
+                "list.txt:1: `db/9.jpg` is the name of no image",
+            ),
+            (
+                "2.jpg 1.jpg",
+                "list.txt:1: `1.jpg` is the name of src/db/1.jpg and of src/query/1.jpg",
+            ),
+            (
+                "db/1.jpg db/2.jpg\nx/db/2.jpg db/1.jpg",
+                "list.txt:2: `x/db/2.jpg` is the name of no",
+            ),
+            (
+                "db/1.jpg db/2.jpg\ndb/1 db/2",
+                "list.txt:2: the pair stands here a second",
+            ),
+            (
+                "2.jpg db/2.jpg",
+                "list.txt:1: src/db/2.jpg is matched with itself",
+            ),
+            ("db/1.jpg", "list.txt:1: two names of images"),
+            (
+                "db/1.jpg db/2.jpg\ndb/1.jpg",
+                "list.txt:2: two names of images",
+            ),
+            (
+                "0 1\ndb/1.jpg db/2.jpg",
+                "list.txt:2: `db/1.jpg` is not the number",
+            ),
+        ] {
+            let error = list(text).unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in ".{0,40}|([ab0-3/.-]{1,4}[ \n]){0,12}") {
+            let _ = numbered(&file(&text), Some(3));
+            let _ = listed(&file(&text), &frames(&["a/0", "a/1", "b-a"]));
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! How files that are named otherwise than the images of a dataset are understood.
+
+use std::fs;
+use std::path::Path;
+
+use image::GrayImage;
+use matchbench_vision::geometry::MatchedPoints;
+use nalgebra::Point2;
+
+use super::tests::dataset;
+use super::*;
+use crate::arrays::Hdf5Out;
+use crate::datasets::Sequence;
+
+fn open(
+    path: &Path,
+    sequence: &Sequence,
+    pixel_center: Option<f64>,
+) -> Result<MatchFiles, ExchangeError> {
+    let options = ReadOptions {
+        pixel_center,
+        ..ReadOptions::default()
+    };
+    MatchFiles::open(&[path.to_owned()], sequence, &options)
+}
+
+#[test]
+fn the_root_of_a_tool_may_lie_above_in_every_format_with_names() {
+    let (folder, mut sequence) = dataset();
+    let moved = folder.path().join("moved");
+    let mut narrow = sequence.clone();
+    for frame in &mut narrow.frames {
+        let end = frame
+            .image
+            .strip_prefix(folder.path().join("images"))
+            .unwrap();
+        let image = moved.join(end);
+        fs::create_dir_all(image.parent().unwrap()).unwrap();
+        fs::copy(&frame.image, &image).unwrap();
+        frame.image = image;
+    }
+    // An image that is elsewhere makes the root of the others wider.
+    let mut other = sequence.frames[0].clone();
+    other.image = folder.path().join("other.png");
+    GrayImage::new(4, 3).save(&other.image).unwrap();
+    sequence.frames.push(other);
+    let pairs = (sequence.pairs.iter()).map(|pair| {
+        let mut points = MatchedPoints::default();
+        points.push(
+            Point2::new(10.0 + f64::from(pair.a), 2.0),
+            Point2::new(300.0, 200.0),
+            0.5,
+        );
+        points.push(Point2::new(390.0, 290.0), Point2::new(1.0, 2.0), 0.5);
+        PairExport {
+            frames: (pair.a, pair.b),
+            points,
+            two_view: None,
+        }
+    });
+    let export = Export::new(&sequence, pairs.collect()).unwrap();
+    let mut dense = Hdf5Out::default();
+    for pair in &export.pairs {
+        let names = export.image_names();
+        let name = |frame: u32| names[frame as usize].replace('/', "-");
+        let group = format!("{}/{}", name(pair.frames.0), name(pair.frames.1));
+        for (number, points) in pair.coordinates().iter().enumerate() {
+            dense.floats(format!("{group}/keypoints{number}"), &[2, 2], points);
+        }
+    }
+    fs::create_dir(folder.path().join("dense")).unwrap();
+    dense
+        .write(&folder.path().join("dense/matches.h5"))
+        .unwrap();
+    for id in ["hloc", "glue-factory", "colmap", "dense"] {
+        let files = folder.path().join(id).join("wide");
+        let files = if id == "dense" {
+            folder.path().join(id)
+        } else {
+            Format::find(id).unwrap().write(&files, &export).unwrap();
+            files
+        };
+        let found = open(&files, &narrow, None).unwrap();
+        assert_eq!(found.survey().found, 3, "{id}");
+        assert_eq!(found.understood().named_by, NamedBy::ImageEnd, "{id}");
+        assert_eq!(found.survey().warnings, [""; 0], "{id}");
+        let points = found.matches(1, 2).unwrap().unwrap().points;
+        assert!((points.a[0].x - 11.0).abs() < 1e-4, "{id}: {:?}", points.a);
+    }
+    let list = fs::read_to_string(folder.path().join("hloc/wide/pairs.list")).unwrap();
+    let first = "images/db/one.png images/db/two.png\n";
+    assert!(
+        list.starts_with(first) && list.lines().count() == 3,
+        "{list}"
+    );
+}
+
+#[test]
+fn names_of_several_images_are_told() {
+    let (folder, sequence) = dataset();
+    let files = folder.path().join("lines");
+    fs::create_dir(&files).unwrap();
+    fs::write(files.join("one_two.txt"), "0 0 399 299\n").unwrap();
+    let told = |message: &str| {
+        assert!(message.contains("1 pair cannot be told"), "{message}");
+        assert!(message.contains("`one` is "), "{message}");
+        for image in [0, 2] {
+            let image = sequence.frames[image].image.display().to_string();
+            assert!(message.contains(&image), "{message}");
+        }
+    };
+    let refused = open(&files, &sequence, Some(0.0))
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(refused.contains("none of its pairs"), "{refused}");
+    told(&refused);
+    fs::write(files.join("db-one_two.txt"), "0 0 399 299\n").unwrap();
+    let found = open(&files, &sequence, Some(0.0)).unwrap();
+    assert_eq!((found.survey().found, found.survey().absent.len()), (1, 2));
+    told(&found.survey().warnings.join("\n"));
+}
