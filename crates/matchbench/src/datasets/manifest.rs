@@ -25,10 +25,12 @@
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::text::TextFile;
 use super::{DatasetError, DepthFile, DepthUnit, Turn};
+use crate::counted::counted;
 
 /// File name of the manifest.
 pub(super) const FILE: &str = "dataset.toml";
@@ -37,6 +39,13 @@ pub(super) const VERSION: u32 = 1;
 
 /// Most problems of one manifest that are reported.
 const MAX_PROBLEMS: usize = 20;
+
+/// Longest path in a manifest, in bytes. No system opens a longer one.
+const MAX_PATH_BYTES: usize = 4096;
+
+/// Most bytes of the paths of all frames together, each behind `image_root`: every frame has its whole path in memory,
+/// and a short file can have many frames.
+const MAX_PATHS_BYTES: usize = 256 << 20;
 
 /// The contents of `dataset.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,7 +69,11 @@ pub(super) struct Manifest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) notes: Vec<String>,
     /// Folder to which relative image paths are relative; itself relative to the folder of the dataset.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "path",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(super) image_root: Option<PathBuf>,
     /// Lens distortion of the camera in `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,13 +91,21 @@ pub(super) struct Manifest {
 #[serde(deny_unknown_fields)]
 pub(super) struct ManifestFrame {
     /// Its image, if it is not `Images/%04d.*`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "path",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(super) image: Option<PathBuf>,
     /// What the image was called, see [`Frame::name`](super::Frame::name).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) name: Option<String>,
     /// Its depth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "path",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(super) depth: Option<PathBuf>,
     /// Its camera, if it is not that of `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -172,20 +193,42 @@ impl Manifest {
                 "use letters, digits, dots, dashes and underscores",
             ));
         }
-        let starts_there = |frame: &ManifestFrame| frame.image.is_some() || frame.depth.is_some();
-        if manifest.image_root.is_some() && !manifest.frames.iter().any(starts_there) {
+        if let Some(root) = &manifest.image_root
+            && let Some((what, remedy)) = manifest.wrong_root(root)
+        {
             let is_it = |line: &str| line.trim_start().starts_with("image_root");
             let line = file.text().lines().position(is_it);
-            let error = file.error(
-                "`image_root` is given, but no frame names an image or depth, which would start from it",
-                "name them under [[frames]], or leave `image_root` out: images are then those in Images",
-            );
+            let error = file.error(what, remedy);
             return Err(match line {
                 Some(before) => error.at(before + 1),
                 None => error,
             });
         }
         Ok(manifest)
+    }
+
+    /// Why the frames cannot start from this root, and what to do.
+    fn wrong_root(&self, root: &Path) -> Option<(String, &'static str)> {
+        let paths = (self.frames.iter()).flat_map(|frame| [&frame.image, &frame.depth]);
+        let lengths = paths.flatten().map(|path| path.as_os_str().len());
+        let (count, bytes) = lengths.fold((0, 0), |(count, bytes), length| {
+            (count + 1, bytes + root.as_os_str().len() + length)
+        });
+        if count == 0 {
+            return Some((
+                "`image_root` is given, but no frame names an image or depth, which would start from it".to_owned(),
+                "name them under [[frames]], or leave `image_root` out: images are then those in Images",
+            ));
+        }
+        (bytes > MAX_PATHS_BYTES).then(|| {
+            (
+                format!(
+                    "behind this `image_root`, {} have {bytes} bytes, and no more than {MAX_PATHS_BYTES} are read",
+                    counted(count, "path")
+                ),
+                "give a shorter one, such as a link to this folder",
+            )
+        })
     }
 
     /// Reads as much of a manifest as possible, and notes what is wrong. A line that is invalid on its own is
@@ -244,6 +287,17 @@ impl Manifest {
     }
 }
 
+/// A path that a system can open.
+fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PathBuf>, D::Error> {
+    let path = PathBuf::deserialize(deserializer)?;
+    match path.as_os_str().len() {
+        0..=MAX_PATH_BYTES => Ok(Some(path)),
+        bytes => Err(D::Error::custom(format!(
+            "a path of {bytes} bytes, where {MAX_PATH_BYTES} are the most"
+        ))),
+    }
+}
+
 /// Longest name of a dataset. File systems allow 255 bytes, and some file names have an ending added.
 const MAX_NAME_BYTES: usize = 200;
 
@@ -283,6 +337,39 @@ mod tests {
         assert!(error.what.contains("image_root"), "{error}");
         let depth = "version = 1\nimage_root = 'x'\n[[frames]]\ndepth = 'd.png'\n";
         assert!(parse(depth).is_ok());
+    }
+
+    #[test]
+    fn paths_that_no_system_opens_are_named_with_their_line() {
+        let long = "r".repeat(MAX_PATH_BYTES + 1);
+        for (text, line) in [
+            (
+                format!("version = 1\nimage_root = '{long}'\n[[frames]]\nimage = 'a'\n"),
+                2,
+            ),
+            (format!("version = 1\n[[frames]]\nimage = '{long}'\n"), 3),
+            (
+                format!("version = 1\n[[frames]]\nimage = 'a'\ndepth = '{long}'\n"),
+                4,
+            ),
+        ] {
+            let error = parse(&text).unwrap_err();
+            assert_eq!(error.line, Some(line), "{error}");
+            assert!(error.what.contains("a path of 4097 bytes"), "{error}");
+            assert!(parse(&text.replace(&long, &long[1..])).is_ok());
+        }
+    }
+
+    #[test]
+    fn a_root_stands_before_no_more_paths_than_are_read() {
+        let root = "r".repeat(MAX_PATH_BYTES - 1);
+        let frames = |count: usize| "[[frames]]\nimage = 'a'\n".repeat(count);
+        let text = |count| format!("version = 1\nimage_root = '{root}'\n{}", frames(count));
+        let most = MAX_PATHS_BYTES / MAX_PATH_BYTES;
+        assert!(parse(&text(most)).is_ok());
+        let error = parse(&text(most + 1)).unwrap_err();
+        assert_eq!(error.line, Some(2));
+        assert!(error.what.contains("65537 paths have"), "{error}");
     }
 
     #[test]

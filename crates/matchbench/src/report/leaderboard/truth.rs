@@ -4,9 +4,13 @@
 //! the stated error need not be trusted: it is computed again from the estimate. The error of a homography is
 //! measured at the corners of the first image, so the file of this image must be available too, and not among the
 //! entries: nothing says of what size an image was, so that whoever hands in a dataset could choose it.
+//!
+//! Where a run had its dataset, only its plan says. So such a dataset is opened only if it is no larger than those that
+//! are known; otherwise one entry could take the memory that all need.
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::image::Size;
@@ -20,6 +24,13 @@ use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, Settings};
 /// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
 /// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
 const ROUNDED: f64 = 1e-3;
+
+/// Most frames of a dataset that is opened where the plan of an entry says.
+const MOST_FRAMES: usize = 1_000_000;
+/// Most bytes of its `dataset.toml`: that of 100,000 frames with a camera each.
+const LONGEST_MANIFEST: u64 = 16 << 20;
+/// Most bytes of the path of its folder, which stands before that of every image.
+const LONGEST_FOLDER: usize = 1024;
 
 /// What is known of the pairs of a dataset.
 #[derive(Debug)]
@@ -69,7 +80,9 @@ impl Truths {
             };
             let (sequence, is_handed_in) =
                 places.iter().enumerate().find_map(|(kind, paths)| {
-                    let sequence = paths.iter().find_map(open)?;
+                    let mut paths =
+                        (paths.iter()).filter(|path| kind == 0 || is_usual(path, dataset.frames));
+                    let sequence = paths.find_map(open)?;
                     Some((sequence, kind == 2))
                 })?;
             let pairs = sequence.pairs.iter().map(|pair| ((pair.a, pair.b), *pair));
@@ -87,6 +100,14 @@ impl Truths {
         let known = self.known.entry(dataset.fingerprint.clone());
         known.or_insert_with(find).as_ref()
     }
+}
+
+/// Whether the dataset in a folder, planned with so many frames, is no larger than those that are known.
+fn is_usual(folder: &Path, frames: usize) -> bool {
+    let manifest = fs::metadata(folder.join("dataset.toml"));
+    frames <= MOST_FRAMES
+        && folder.as_os_str().len() <= LONGEST_FOLDER
+        && manifest.map_or(true, |manifest| manifest.len() <= LONGEST_MANIFEST)
 }
 
 impl Truth {
@@ -237,5 +258,27 @@ fn errors(outcome: &Outcome) -> [Option<f64>; 2] {
         } => [Some(rotation_error), translation_error],
         Outcome::Homography { corner_error, .. } => [corner_error, None],
         _ => [None; 2],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dataset_that_an_entry_names_is_opened_up_to_a_size() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        assert!(is_usual(folder.path(), MOST_FRAMES) && !is_usual(folder.path(), MOST_FRAMES + 1));
+        let manifest = fs::File::create(folder.path().join("dataset.toml")).expect("writable");
+        manifest
+            .set_len(LONGEST_MANIFEST)
+            .expect("holes take no room");
+        assert!(is_usual(folder.path(), 1));
+        manifest
+            .set_len(LONGEST_MANIFEST + 1)
+            .expect("holes take no room");
+        assert!(!is_usual(folder.path(), 1));
+        assert!(is_usual(Path::new(&"./".repeat(512)), 1));
+        assert!(!is_usual(Path::new(&"./".repeat(513)), 1));
     }
 }
