@@ -203,7 +203,7 @@ fn listening(
     run: &Run<'_>,
     observer: &Progress,
     cancel: &Cancel,
-    #[pyo3(from_py_with = whole)] threads: Option<NonZeroUsize>,
+    threads: Option<NonZeroUsize>,
     progress: Option<&Py<PyAny>>,
 ) -> PyResult<RunSummary> {
     let pool = matchbench_cli::pool(threads).map_err(|broken| error(format!("{broken:#}")))?;

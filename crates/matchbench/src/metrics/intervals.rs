@@ -218,16 +218,12 @@ impl Ratio {
         let reach = self.reach()?;
         if value <= 0.0 || value >= 1.0 {
             let far = 1.0 - libm::pow(ALPHA / 2.0, 1.0 / self.units as f64);
-            return Some(match value <= 0.0 {
-                true => Interval {
-                    low: 0.0,
-                    high: far,
-                },
-                false => Interval {
-                    low: 1.0 - far,
-                    high: 1.0,
-                },
-            });
+            let (low, high) = if value <= 0.0 {
+                (0.0, far)
+            } else {
+                (1.0 - far, 1.0)
+            };
+            return Some(Interval { low, high });
         }
         let logit = libm::log(value / (1.0 - value));
         let reach = reach / (value * (1.0 - value));

@@ -57,8 +57,7 @@ impl Content {
 
     /// The same of results that were compared before.
     pub(super) fn compared(results: Vec<ResultSet>, groups: Groups, facts: RunFacts) -> Self {
-        let mut summaries: Vec<Summary> =
-            (results.par_iter()).map(|set| Summary::new(set)).collect();
+        let mut summaries: Vec<Summary> = (results.par_iter()).map(Summary::new).collect();
         let leads = leads(&results, &groups);
         for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
             summary.group = letters;
