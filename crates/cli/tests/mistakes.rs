@@ -203,3 +203,69 @@ fn a_damaged_scene_in_the_cache_of_the_demo_is_to_be_deleted() {
     );
     assert!(!said.contains("correct this line"), "{said}");
 }
+
+#[test]
+fn a_truth_that_confident_poses_contradict_is_warned_of() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 6);
+    let printed = succeeds(folder, &["validate", "wall"]);
+    let fingerprint = printed
+        .lines()
+        .find_map(|line| line.strip_prefix("fingerprint "));
+    let wall = folder.join("wall");
+    let plan = serde_json::json!({
+        "version": "0.1.0",
+        "settings": {"seed": 0, "repetitions": 1, "limit": null},
+        "datasets": [{"name": "wall", "path": wall, "frames": 6, "pairs": 15, "fingerprint": fingerprint}],
+        "matchers": [{"id": "sift", "params": {}, "estimators": [{"id": "best", "params": {}}]}],
+    });
+    // The cameras go to the right by the matches, and to the left by the truth, or as the truth says.
+    for (run, direction, error, warns) in [("bad", 1, 180, true), ("good", -1, 0, false)] {
+        let mut records = String::new();
+        for (a, b) in (0..6).flat_map(|a| (a + 1..6).map(move |b| (a, b))) {
+            let record = serde_json::json!({
+                "task": {
+                    "dataset": "wall", "matcher": "sift", "estimator": "best", "a": a, "b": b, "repetition": 0
+                },
+                "counts": {"features_a": 900, "features_b": 800, "putative": 500, "selected": 90},
+                "outcome": {
+                    "kind": "pose", "rotation": [1, 0, 0, 0, 1, 0, 0, 0, 1], "translation": [direction, 0, 0],
+                    "inliers": 70, "support": 80, "iterations": 12, "rotation_error": 0,
+                    "translation_error": error, "confidence": 0.99, "overlap_probability": 0.99
+                },
+                "times": {}
+            });
+            records += &format!("{record}\n");
+        }
+        let run = folder.join(run);
+        fs::create_dir_all(run.join("records/wall")).expect("writable");
+        fs::write(run.join("plan.json"), plan.to_string()).expect("writable");
+        fs::write(run.join("records/wall/sift+best.jsonl"), records).expect("writable");
+        let words = "the truth of wall looks wrong: 15 of 15 pairs with a confident pose contradict it, and 15 agree \
+                     if the pose of each pair leads from its second image to its first; ";
+        let run = run.to_str().expect("UTF-8");
+        for command in ["eval", "report"] {
+            let output = go(folder, &[command, run]);
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{said}");
+            assert_eq!(
+                said.matches(words).count(),
+                usize::from(warns),
+                "{command}: {said}"
+            );
+        }
+        let page = fs::read_to_string(format!("{run}/report/index.html")).expect("it is there");
+        assert_eq!(page.contains(words), warns);
+    }
+    // Without the dataset no mistake can be tried. Directions alone are then no reason to doubt the truth.
+    fs::remove_dir_all(wall).expect("it is ours");
+    let eval = || String::from_utf8_lossy(&go(folder, &["eval", "bad"]).stderr).into_owned();
+    assert!(!eval().contains("looks wrong"), "{}", eval());
+    let file = folder.join("bad/records/wall/sift+best.jsonl");
+    let records = fs::read_to_string(&file).expect("it is there");
+    let turned = records.replace("\"rotation_error\":0", "\"rotation_error\":90");
+    fs::write(&file, turned).expect("writable");
+    let words = "contradict it, and which mistake explains that could be told";
+    assert!(eval().contains(words), "{}", eval());
+}

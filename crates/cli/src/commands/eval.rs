@@ -8,7 +8,7 @@ use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    PairChoice, ResultSet, load, load_chosen, load_errors, under_protocols, unfinished,
+    PairChoice, ResultSet, doubts, load, load_chosen, load_errors, under_protocols, unfinished,
 };
 use matchbench::protocols;
 use matchbench::records::{Plan, RunFolder};
@@ -32,6 +32,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
             warn_of_ignored(results, &sets, &choice);
+            warn_of_doubts(results, &sets)?;
             match args.format {
                 FormatArg::Table => {
                     let mut text = table(sets);
@@ -63,6 +64,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
             warn_of_ignored(results, &sets, &choice);
+            warn_of_doubts(results, &sets)?;
             let is_run = RunFolder::is_at(results);
             (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
         }
@@ -130,6 +132,16 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
     }
 }
 
+/// Warns if the truth of a dataset of a run cannot be right, as far as its poses tell.
+fn warn_of_doubts(results: &Path, sets: &[ResultSet]) -> Result<()> {
+    if RunFolder::is_at(results) {
+        for sentence in doubts(&RunFolder::open(results)?, sets)? {
+            say!("warning: {}: {sentence}", results.display());
+        }
+    }
+    Ok(())
+}
+
 /// The matcher of a set, and the estimator if it is known.
 pub(super) fn method(set: &ResultSet) -> String {
     match &*set.estimator {
@@ -156,7 +168,18 @@ pub(crate) fn choice(args: &ScoredArgs) -> Result<PairChoice> {
 
 /// Prints the table of scores of a run, and which method is best on each dataset.
 pub(crate) fn print(run: &Path) -> Result<()> {
-    let text = harmless(&table(load(run, None)?));
+    print_sets(load(run, None)?)
+}
+
+/// The same; first warns if the truth of a dataset looks wrong.
+pub(super) fn print_with_doubts(run: &Path) -> Result<()> {
+    let sets = load(run, None)?;
+    warn_of_doubts(run, &sets)?;
+    print_sets(sets)
+}
+
+fn print_sets(sets: Vec<ResultSet>) -> Result<()> {
+    let text = harmless(&table(sets));
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

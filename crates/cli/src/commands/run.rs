@@ -18,7 +18,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     if ending == Ending::Stopped {
         return Ok(ending);
     }
-    let printed = eval::print(&folder);
+    // The report says by itself where the truth looks wrong.
+    let printed = if study.report {
+        eval::print(&folder)
+    } else {
+        eval::print_with_doubts(&folder)
+    };
     let next = if study.report {
         let options = ReportOptions {
             cache: study.cache.as_deref(),

@@ -6,13 +6,14 @@
 //! paper's AUC), [`exact_auc`] and [`maa`] (what others call AUC and mAA), [`average_matches`] (AP),
 //! [`Interval`]s and [`Failures`]. [`compare`] sets two sets of results side by side,
 //! pair by pair, [`groups`](groups()) those of a dataset all at once; [`under_protocols`] scores as other benchmarks do; [`strata`] tells easy pairs from hard ones by their [`PairGeometry`],
-//! [`hard_pairs`](hard_pairs()) kinds of hard ones.
+//! [`hard_pairs`](hard_pairs()) kinds of hard ones. [`doubts`](doubts()) says where the truth itself looks wrong.
 
 mod auc;
 mod average_matches;
 mod broken;
 mod comparison;
 mod depth_scores;
+mod doubts;
 mod errors;
 mod failure;
 mod failures;
@@ -45,6 +46,7 @@ use auc::corner_auc_interval;
 pub use auc::{corner_auc, exact_auc, maa};
 pub use average_matches::average_matches;
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads};
+pub use doubts::doubts;
 pub use errors::{ErrorTableError, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;

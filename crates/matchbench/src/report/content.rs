@@ -44,6 +44,8 @@ pub struct Content {
     pub outside: BTreeMap<String, String>,
     /// Pairs that are shown with pictures.
     pub views: Vec<PairView>,
+    /// Why the truth of a dataset looks wrong, in sentences; see [`doubts`](crate::metrics::doubts()).
+    pub doubts: Vec<String>,
     /// Facts about the run.
     pub facts: RunFacts,
 }

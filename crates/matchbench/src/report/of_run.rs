@@ -17,7 +17,7 @@ use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
-use crate::metrics::{PairGeometry, ResultsError, load_run, unfinished};
+use crate::metrics::{PairGeometry, ResultsError, doubts, load_run, unfinished};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 /// Options of a report.
@@ -49,7 +49,7 @@ impl Default for ReportOptions<'_> {
 pub struct Reported {
     /// The path of its page.
     pub page: PathBuf,
-    /// What is missing in the report, and why, in sentences.
+    /// What is missing in the report, and why, and which truths look wrong, in sentences.
     pub notes: Vec<String>,
 }
 
@@ -100,7 +100,7 @@ pub fn paper_of_run(
     Ok(Reported { page, notes })
 }
 
-/// The content of the report of a run, and what is missing in it and why, in sentences.
+/// The content of the report of a run, what is missing in it and why, and which truths look wrong, in sentences.
 ///
 /// # Errors
 /// If the run cannot be read.
@@ -112,6 +112,8 @@ pub fn content_of_run(
     let mut content = Content::new(results, facts(run)?);
     let (sequences, mut notes) = sequences(run.plan());
     notes.extend(unfinished(run.plan(), &content.results));
+    content.doubts = doubts(run, &content.results)?;
+    notes.extend(content.doubts.iter().cloned());
     content.geometry = (sequences.iter())
         .map(|(name, sequence)| (name.clone(), PairGeometry::of_sequence(sequence)))
         .collect();

@@ -111,6 +111,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         style => include_str!("style.css"),
         script => include_str!("script.js"),
         headlines => headlines(content, &overview),
+        doubts => &content.doubts,
         gallery => gallery(content),
         datasets => overview.datasets.len(),
         compared => compared(summaries),

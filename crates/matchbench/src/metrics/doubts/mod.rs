@@ -1,0 +1,384 @@
+//! Whether the truth of a dataset can be right.
+//!
+//! Matches alone tell how probable it is that a pose is right ([`Confidence`](matchbench_vision::robust::Confidence)).
+//! Of the poses with a probability of at least [`CONFIDENT`], nearly all agree with a sound truth, also where
+//! most pairs fail. If few do, the usual [`mistakes`] are tried, and the one that explains most of these poses is
+//! named. Without such an explanation the truth is in doubt only if rotations contradict it: where baselines are
+//! short, estimators are sometimes sure of a wrong direction of translation (kitchen of 7-Scenes: 27 of 34 pairs,
+//! but no rotation).
+//!
+//! Scores do not depend on any of this.
+
+mod mistakes;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use matchbench_vision::geometry::RelativePose;
+use matchbench_vision::robust::RIGHT_POSE;
+
+use super::{Angle, ResultSet};
+use crate::datasets::{Pair, Sequence};
+use crate::records::{Outcome, RunFolder, StoreError};
+use mistakes::{Mistake, mistakes};
+
+/// Probability of a pose to be right from which on it is confident.
+const CONFIDENT: f64 = 0.9;
+/// Fewer pairs with a confident pose say nothing ...
+const LEAST_PAIRS: usize = 10;
+/// ... and neither do fewer images: a single one may show the same thing at two places.
+const LEAST_IMAGES: usize = 5;
+/// The most pairs of a dataset that are looked at, evenly spread over all.
+const MOST_PAIRS: usize = 2000;
+/// Mistakes are tried if fewer than this share of the pairs agree with the truth ...
+const FEW_AGREE: f64 = 0.4;
+/// ... and one explains it if this share of the pairs agree under it, and at least twice as many as without it.
+const MOST_AGREE: f64 = 0.5;
+/// Without an explanation the truth is in doubt if fewer than this share of the pairs agree with it.
+const HARDLY_ANY_AGREE: f64 = 0.2;
+
+/// What is said where no mistake explains it ...
+const UNEXPLAINED: &str = "no usual mistake explains that; check the order of images and poses, the calibration \
+                           (`matchbench validate`), and the matches if they come from outside";
+/// ... and where none can be tried.
+const NOT_AT_HAND: &str = "which mistake explains that could be told if the dataset were where it was when it was run, \
+                           and unchanged";
+
+/// The pairs of a dataset that have a confident pose, each with what of these poses agrees with the truth.
+type Judged = BTreeMap<(u32, u32), Agreement>;
+
+/// The confident poses of pairs.
+type Estimates = BTreeMap<(u32, u32), Vec<RelativePose>>;
+
+/// Whether one of the confident poses of a pair agrees with the truth.
+#[derive(Clone, Copy, Default)]
+struct Agreement {
+    pose: bool,
+    rotation: bool,
+}
+
+/// Of each dataset of a run whose truth contradicts most of its confident poses a sentence: which mistake explains
+/// that, and what to do. `sets` are the results of the run.
+///
+/// # Errors
+/// If records of such a dataset cannot be read.
+pub fn doubts(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreError> {
+    let mut sentences = Vec::new();
+    for dataset in &run.plan().datasets {
+        let sets = sets.iter().filter(|set| set.dataset == dataset.name);
+        let sets: Vec<&ResultSet> = sets.collect();
+        let judged = judged(&sets);
+        if !is_doubtful(&judged) {
+            continue;
+        }
+        // The dataset may be elsewhere by now, or another.
+        let sequence = Sequence::open(&dataset.path).ok();
+        let sequence = sequence.filter(|now| now.fingerprint() == dataset.fingerprint);
+        let explanation = match &sequence {
+            Some(sequence) => explanation(sequence, &poses(run, &sets, &judged)?)
+                .filter(|(_, count)| *count >= 2 * agreeing(&judged)),
+            None => None,
+        };
+        let reason = match (explanation, &sequence) {
+            (Some((Mistake { what, remedy, .. }, count)), _) => {
+                format!("{count} agree if {what}; {remedy}, and import again")
+            }
+            (None, _) if !is_contradicted(&judged) => continue,
+            (None, Some(_)) => UNEXPLAINED.into(),
+            (None, None) => NOT_AT_HAND.into(),
+        };
+        let against = judged.len() - agreeing(&judged);
+        sentences.push(format!(
+            "the truth of {} looks wrong: {against} of {} pairs with a confident pose contradict it, and {reason}",
+            dataset.name,
+            judged.len()
+        ));
+    }
+    Ok(sentences)
+}
+
+fn judged(sets: &[&ResultSet]) -> Judged {
+    let mut all = Judged::new();
+    for pair in sets.iter().flat_map(|set| &set.pairs) {
+        let errors = (pair.error(Angle::Pose)).zip(pair.error(Angle::Rotation));
+        if let Some((pose, rotation)) = errors
+            && pair.confidence.is_some_and(|p| p >= CONFIDENT)
+        {
+            let agreement = all.entry((pair.a, pair.b)).or_default();
+            agreement.pose |= pose < RIGHT_POSE;
+            agreement.rotation |= rotation < RIGHT_POSE;
+        }
+    }
+    let step = all.len().div_ceil(MOST_PAIRS).max(1);
+    all.into_iter().step_by(step).collect()
+}
+
+fn agreeing(judged: &Judged) -> usize {
+    judged.values().filter(|agreement| agreement.pose).count()
+}
+
+/// Whether there are enough pairs, of which few agree with the truth.
+fn is_doubtful(judged: &Judged) -> bool {
+    let images: BTreeSet<u32> = judged.keys().flat_map(|&(a, b)| [a, b]).collect();
+    judged.len() >= LEAST_PAIRS
+        && images.len() >= LEAST_IMAGES
+        && (agreeing(judged) as f64) < FEW_AGREE * judged.len() as f64
+}
+
+/// Whether hardly any pair agrees with the truth, and the rotations of at least half of them contradict it.
+fn is_contradicted(judged: &Judged) -> bool {
+    let turned = judged.values().filter(|agreement| !agreement.rotation);
+    (agreeing(judged) as f64) < HARDLY_ANY_AGREE * judged.len() as f64
+        && turned.count() * 2 >= judged.len()
+}
+
+/// The confident poses of these pairs.
+fn poses(run: &RunFolder, sets: &[&ResultSet], judged: &Judged) -> Result<Estimates, StoreError> {
+    let mut poses = Estimates::new();
+    for set in sets {
+        run.for_each_of([&set.dataset, &set.matcher, &set.estimator], |record| {
+            let pair = (record.task.a, record.task.b);
+            let Outcome::Pose { confidence, .. } = record.outcome else {
+                return;
+            };
+            if confidence.is_some_and(|p| p >= CONFIDENT) && judged.contains_key(&pair) {
+                poses.entry(pair).or_default().extend(record.outcome.pose());
+            }
+        })?;
+    }
+    Ok(poses)
+}
+
+/// The mistake under which most of these pairs have a pose that agrees with the truth, and how many; `None` if fewer
+/// than half do. Of several equal ones, the one that is more frequent.
+fn explanation(sequence: &Sequence, poses: &Estimates) -> Option<(Mistake, usize)> {
+    let explained = |mistake: &Mistake| {
+        let agrees = |pair: &&Pair| {
+            let poses = poses.get(&(pair.a, pair.b))?;
+            let truth = mistake.truth((pair.a, pair.b), pair.pose()?)?;
+            let truth = RelativePose::from_isometry(&truth)?;
+            let error = |pose: &RelativePose| pose.error(&truth).max().to_degrees();
+            poses
+                .iter()
+                .any(|pose| error(pose) < RIGHT_POSE)
+                .then_some(())
+        };
+        sequence
+            .pairs
+            .iter()
+            .filter(|pair| agrees(pair).is_some())
+            .count()
+    };
+    let mut best: Option<(Mistake, usize)> = None;
+    for mistake in mistakes(sequence) {
+        let count = explained(&mistake);
+        if best.as_ref().is_none_or(|(_, most)| count > *most) {
+            best = Some((mistake, count));
+        }
+    }
+    best.filter(|(_, count)| *count as f64 >= MOST_AGREE * poses.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::geometry::Camera;
+    use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+    use super::super::{AngularError, Deviation, Failure, PairResult};
+    use super::*;
+    use crate::datasets::{Frame, relative_pose};
+
+    /// Frames in the order of numbers in their names, which is not that of the alphabet.
+    const FRAMES: usize = 12;
+
+    /// Where a camera truly is: it turns and moves to all sides.
+    fn place(frame: usize) -> Isometry3<f64> {
+        let i = frame as f64;
+        Isometry3::new(
+            Vector3::new(libm::sin(2.0 * i), 0.5 * libm::cos(3.0 * i), 0.7 * i),
+            Vector3::new(
+                0.3 * libm::sin(1.3 * i),
+                0.4 * libm::cos(i),
+                0.5 * libm::sin(1.7 * i),
+            ),
+        )
+    }
+
+    /// A dataset with these poses in the world, and every pair.
+    fn dataset(pose: impl Fn(usize) -> Isometry3<f64>) -> Sequence {
+        let camera = Camera::pinhole(100.0, 100.0, 50.0, 50.0);
+        let frame = |index| Frame::with_pose(format!("{index}.png"), camera, pose(index));
+        let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
+        let pairs = pairs().map(|(a, b)| {
+            let b_from_a = relative_pose(&pose(a as usize), &pose(b as usize));
+            Pair::with_pose(a, b, b_from_a)
+        });
+        let (name, pairs) = ("room".into(), pairs.collect());
+        Sequence {
+            name,
+            frames,
+            pairs,
+        }
+    }
+
+    fn pairs() -> impl Iterator<Item = (u32, u32)> {
+        let frames = FRAMES as u32;
+        (0..frames).flat_map(move |a| (a + 1..frames).map(move |b| (a, b)))
+    }
+
+    /// What the matches say, which is true, of each pair.
+    fn estimates() -> Estimates {
+        let estimate = |(a, b)| {
+            let truth = relative_pose(&place(a as usize), &place(b as usize));
+            (
+                (a, b),
+                vec![RelativePose::from_isometry(&truth).expect("they are apart")],
+            )
+        };
+        pairs().map(estimate).collect()
+    }
+
+    fn named(sequence: &Sequence) -> Option<String> {
+        explanation(sequence, &estimates()).map(|(mistake, _)| mistake.what)
+    }
+
+    /// A pose as it is written with other axes of the camera, of which these are the rows of `camera_from_other`.
+    fn with_axes(pose: &Isometry3<f64>, rows: [f64; 9]) -> Isometry3<f64> {
+        let turn = Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(&rows));
+        pose * UnitQuaternion::from_rotation_matrix(&turn)
+    }
+
+    const OPENGL: [f64; 9] = [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0];
+    const ROBOT: [f64; 9] = [0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0];
+
+    fn with_coordinates(pose: &Isometry3<f64>, [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
+        let rotation = nalgebra::Quaternion::new(w, x, y, z);
+        Isometry3::from_parts(pose.translation, UnitQuaternion::from_quaternion(rotation))
+    }
+
+    #[test]
+    fn each_mistake_is_told_from_all_others() {
+        type Written = fn(usize) -> Isometry3<f64>;
+        let mistakes: [(&str, Written); 11] = [
+            ("the poses are camera-from-world", |i| place(i).inverse()),
+            ("the axes of the cameras are y up, looking along -z", |i| {
+                with_axes(&place(i), OPENGL)
+            }),
+            ("the axes of the cameras are x ahead, y left", |i| {
+                with_axes(&place(i), ROBOT)
+            }),
+            (
+                "the poses are camera-from-world, and the axes of the cameras are y up, looking",
+                |i| with_axes(&place(i), OPENGL).inverse(),
+            ),
+            ("the axes of the cameras are y up in a left-handed", |i| {
+                let (pose, mirror) = (place(i), Vector3::new(1.0, -1.0, 1.0));
+                let q = pose.rotation.coords;
+                let mirrored = with_coordinates(&pose, [q.w, -q.x, q.y, -q.z]);
+                let moved = Translation3::from(pose.translation.vector.component_mul(&mirror));
+                Isometry3::from_parts(moved, mirrored.rotation)
+            }),
+            ("the quaternions have w first", |i| {
+                let q = place(i).rotation.coords;
+                with_coordinates(&place(i), [q.z, q.w, q.x, q.y])
+            }),
+            ("the quaternions have w last", |i| {
+                let q = place(i).rotation.coords;
+                with_coordinates(&place(i), [q.x, q.y, q.z, q.w])
+            }),
+            ("the rotations are camera-from-world", |i| {
+                Isometry3::from_parts(place(i).translation, place(i).rotation.inverse())
+            }),
+            ("the rotations are world-from-camera, but", |i| {
+                Isometry3::from_parts(place(i).inverse().translation, place(i).rotation)
+            }),
+            ("each pose is that of the image after", |i| place(i + 1)),
+            ("the poses are in the order of the alphabet", |i| {
+                place([0, 1, 10, 11, 2, 3, 4, 5, 6, 7, 8, 9][i])
+            }),
+        ];
+        for (words, written) in mistakes {
+            let what = named(&dataset(written)).expect("it is explained");
+            assert!(what.starts_with(words), "{what}, not {words}");
+        }
+        let mut backwards = dataset(place);
+        for frame in &mut backwards.frames {
+            frame.world_from_camera = None;
+        }
+        for pair in &mut backwards.pairs {
+            *pair = Pair::with_pose(pair.a, pair.b, pair.pose().expect("it has one").inverse());
+        }
+        let what = named(&backwards).expect("it is explained");
+        assert!(what.starts_with("the pose of each pair leads"), "{what}");
+        // Estimates of another scene.
+        assert_eq!(named(&dataset(|i| place(7 * i + 5))), None);
+    }
+
+    /// Results of these pairs, with this confidence and error.
+    fn results(pairs: impl Iterator<Item = (u32, u32)>, confidence: f64, error: f64) -> ResultSet {
+        let pairs = pairs.map(|(a, b)| PairResult {
+            confidence: Some(confidence),
+            outcome: Ok(Deviation::Pose(AngularError {
+                rotation: 0.5,
+                translation: Some(error),
+            })),
+            ..PairResult::failed(a, b, Failure::Missing)
+        });
+        ResultSet {
+            dataset: "room".into(),
+            matcher: "sift".into(),
+            estimator: "best".into(),
+            repetitions: 1,
+            pairs: pairs.collect(),
+            ignored: 0,
+        }
+    }
+
+    #[test]
+    fn doubts_need_many_confident_poses_that_no_method_confirms() {
+        let doubtful = |sets: &[&ResultSet]| is_doubtful(&judged(sets));
+        let wrong = results(pairs(), 0.95, 80.0);
+        assert!(doubtful(&[&wrong]));
+        assert!(!doubtful(&[&results(pairs(), 0.85, 80.0)]), "not confident");
+        assert!(!doubtful(&[&results(pairs().take(9), 0.95, 80.0)]), "few");
+        let two = (1..21).map(|b| (b % 2, 2 + b % 2));
+        assert!(!doubtful(&[&results(two, 0.95, 80.0)]), "of few images");
+        // Matches from elsewhere may be wrong; those of another matcher show that the truth is not.
+        let right = |count| results(pairs().take(count), 0.95, 2.0);
+        assert!(!doubtful(&[&wrong, &right(27)]), "27 of 66 agree");
+        assert!(doubtful(&[&wrong, &right(26)]));
+        assert_eq!(agreeing(&judged(&[&wrong, &right(26)])), 26);
+    }
+
+    #[test]
+    fn directions_alone_may_be_wrong_where_the_truth_is_not() {
+        let wrong = results(pairs(), 0.95, 80.0);
+        assert!(!is_contradicted(&judged(&[&wrong])));
+        let mut turned = wrong.clone();
+        for pair in &mut turned.pairs[..33] {
+            pair.outcome = Ok(Deviation::Pose(AngularError {
+                rotation: 30.0,
+                translation: Some(80.0),
+            }));
+        }
+        assert!(is_contradicted(&judged(&[&turned])));
+        assert!(!is_contradicted(&judged(&[&turned, &wrong])));
+        let right = |count| results(pairs().skip(33).take(count), 0.95, 2.0);
+        assert!(is_contradicted(&judged(&[&turned, &right(13)])));
+        assert!(
+            !is_contradicted(&judged(&[&turned, &right(14)])),
+            "14 of 66 agree"
+        );
+    }
+
+    #[test]
+    fn of_very_many_pairs_some_are_looked_at() {
+        let many = results((0..9001).map(|a| (a, a + 1)), 0.95, 80.0);
+        let judged = judged(&[&many]);
+        assert!(
+            (1500..=MOST_PAIRS).contains(&judged.len()),
+            "{}",
+            judged.len()
+        );
+        assert!(judged.keys().any(|(a, _)| *a > 8990));
+    }
+}
