@@ -45,6 +45,8 @@ pub(super) const COLMAP: Format = Format {
 const CENTER: f64 = 0.5;
 /// The most bytes of a blob: so many keypoints of six columns as there may be matches.
 const MAX_BLOB: i32 = (6 * 4 * MAX_MATCHES) as i32;
+/// The most bytes of the name of an image. No system opens a longer path, and each pair has the names of both images.
+const MAX_NAME: usize = 4096;
 /// COLMAP's factor between the two image ids of a pair.
 const MAX_IMAGES: i64 = 2_147_483_647;
 
@@ -184,8 +186,20 @@ impl Database {
             left = left.saturating_sub(bytes);
             Ok(fits.then_some((id, name)))
         });
-        let images: Option<_> = images?;
-        images.ok_or_else(|| self.damaged("its images have longer names than it has bytes"))
+        let images: Option<BTreeMap<i64, String>> = images?;
+        let images =
+            images.ok_or_else(|| self.damaged("its images have longer names than it has bytes"))?;
+        match images.iter().find(|(_, name)| name.len() > MAX_NAME) {
+            Some((id, name)) => Err(ExchangeError::new(
+                &self.path,
+                format!(
+                    "the name of image {id} has {} bytes, where {MAX_NAME} are the most",
+                    name.len()
+                ),
+                "name images by their paths",
+            )),
+            None => Ok(images),
+        }
     }
 
     fn pair_ids(&self) -> Result<Vec<[i64; 2]>, ExchangeError> {
