@@ -2,6 +2,7 @@
 //! given up.
 
 use std::fmt;
+use std::hash::{BuildHasher as _, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -28,6 +29,8 @@ pub struct External {
     /// Where children write their answers.
     scratch: TemporaryFolder,
     questions: AtomicU64,
+    /// Makes names that a child cannot know before it is asked; no result depends on them.
+    unknown: RandomState,
     pool: Mutex<Pool>,
     /// Told when a place becomes free.
     freed: Condvar,
@@ -110,6 +113,7 @@ impl External {
             log,
             scratch,
             questions: AtomicU64::new(0),
+            unknown: RandomState::new(),
             freed: Condvar::new(),
         })
     }
@@ -292,10 +296,14 @@ impl External {
         self.pool.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A file of this name in a folder of its own: workers may be asked for one pair at once.
+    /// A file whose name ends so and begins as no other, since workers may be asked for one pair at once. Nobody can
+    /// tell it before the question, so that matches which are there were written after it.
     fn out(&self, name: &str) -> PathBuf {
         let question = self.questions.fetch_add(1, Ordering::Relaxed);
-        self.scratch.path().join(format!("{question}-{name}"))
+        let unknown = self.unknown.hash_one(question);
+        self.scratch
+            .path()
+            .join(format!("{question}-{unknown:016x}-{name}"))
     }
 }
 
@@ -338,15 +346,50 @@ while read -r line; do
 done
 "#;
 
+    fn start(folder: &Path, program: &str) -> External {
+        std::fs::write(folder.join("x.sh"), program).unwrap();
+        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\n";
+        let manifest = Manifest::parse(&folder.join("x.toml"), text, &BuiltIn::default()).unwrap();
+        let log = Log::open(&folder.join("x.log")).unwrap();
+        External::start(manifest, log).unwrap()
+    }
+
+    #[test]
+    fn what_was_answered_before_the_question_does_not_count() {
+        let folder = tempfile::tempdir().unwrap();
+        // It has said all when the file is there.
+        let early = PROGRAM.replace(
+            "\"pixel_center\":0}'",
+            "\"pixel_center\":0}'; echo '{\"type\":\"matched\",\"pair\":[0,1],\"count\":0}'; touch said",
+        );
+        let external = start(folder.path(), &early);
+        while !folder.path().join("said").exists() {
+            thread::sleep(Duration::from_millis(1));
+        }
+        thread::sleep(Duration::from_millis(100));
+        let image = Image {
+            path: Path::new("/a"),
+            size: Size::new(1, 1),
+        };
+        let answer = external.match_pair([0, 1], image, image);
+        let told = answer.expect_err("nobody had asked").to_string();
+        assert!(told.contains("it answered before it was asked"), "{told}");
+    }
+
+    #[test]
+    fn nobody_can_tell_where_an_answer_is_to_be() {
+        let folders = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let [one, other] = folders.each_ref().map(|folder| {
+            let out = start(folder.path(), PROGRAM).out("x");
+            out.file_name().unwrap().to_owned()
+        });
+        assert_ne!(one, other, "the first question of both");
+    }
+
     #[test]
     fn a_panic_frees_the_place_that_it_took() {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("x.sh"), PROGRAM).unwrap();
-        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\n";
-        let manifest =
-            Manifest::parse(&folder.path().join("x.toml"), text, &BuiltIn::default()).unwrap();
-        let log = Log::open(&folder.path().join("x.log")).unwrap();
-        let external = External::start(manifest, log).unwrap();
+        let external = start(folder.path(), PROGRAM);
         let out = external.out("x");
         let request = || Request::Match {
             pair: [0, 1],

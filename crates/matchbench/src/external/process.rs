@@ -152,6 +152,11 @@ impl Process {
         }
     }
 
+    /// Whether it has said something that nobody has heard yet. One thing of it is lost now, so it is to be ended.
+    pub(super) fn has_spoken(&self) -> bool {
+        self.lines.try_recv().is_ok()
+    }
+
     /// Waits until `deadline` for the next message.
     pub(super) fn hear(&mut self, deadline: Instant) -> Result<Heard, Silence> {
         loop {

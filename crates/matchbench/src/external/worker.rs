@@ -92,6 +92,9 @@ impl Worker {
     pub(super) fn ask(&mut self, request: Request<'_>) -> Result<(Answer, f64), Fault> {
         // A path that cannot be written down is no fault of the child.
         let line = request.to_line().map_err(Fault::Said)?;
+        if self.process.has_spoken() {
+            return Err(Fault::Broke("it answered before it was asked".into()));
+        }
         let start = Instant::now();
         self.process.send(line);
         let wrong = match hear(&mut self.process, start + self.timeout, self.timeout) {

@@ -170,7 +170,8 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
         ("outside", "outside image a: (0.5, 480.5)"),
         ("too-certain", "ambiguity -0.1"),
         ("other-pair", "answers for pair 0 99"),
-        ("answers-twice", "answers for pair 0 12"),
+        // Heard before the next question or after it.
+        ("answers-twice", "it answer"),
         ("misspells", "feature"),
         ("negative-time", "seconds"),
         ("endless-time", "1e308 seconds are no time of a stage"),
