@@ -559,3 +559,30 @@ fn sizes_of_images_that_are_handed_in_judge_nobody() {
     assert!(!is_checked(&[]));
     assert!(is_checked(&["--datasets", "entries/data"]));
 }
+
+#[test]
+fn an_estimator_of_poses_has_no_homographies() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "data/wall", 3);
+    one_run(folder, &[]);
+    let entry = folder.join("entries/a");
+    copy(&entry, &folder.join("entries/honest"));
+    let third = 1.0 / 3f64.sqrt();
+    let exact = json!({
+        "kind": "homography", "homography": [third, 0, 0, 0, third, 0, 0, 0, third], "inliers": 0, "iterations": 1,
+        "corner_error": 0.0
+    });
+    forge(&entry, json!({}), |mut all| {
+        for record in &mut all {
+            record["outcome"] = exact.clone();
+        }
+        all
+    });
+    let output = go(folder, &["leaderboard", "entries", "--out", "site"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let reason = "sift+ransac-e.jsonl:1: ";
+    let parts = [reason, "of a homography, which ransac-e does not estimate"];
+    assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+}

@@ -194,6 +194,12 @@ pub fn find(id: &str) -> Result<&'static dyn EstimatorEntry, UnknownName> {
     config::find("estimator", ESTIMATORS, EstimatorEntry::id, id)
 }
 
+/// Whether the estimator called `id` is one of homographies, else of poses; `None` if there is none.
+pub(crate) fn is_of_homographies(id: &str) -> Option<bool> {
+    let built = find(id).ok()?.build(None).ok()?;
+    Some(matches!(built.estimator, Estimator::Homography(_)))
+}
+
 #[cfg(test)]
 mod tests {
     use matchbench_vision::geometry::{

@@ -151,13 +151,15 @@ impl RunFolder {
     /// Hands over the records of one of its [files](Self::record_files), each with the number of its line.
     ///
     /// # Errors
-    /// As [`RunFolder::records`], and whatever `each` does not want.
+    /// As [`RunFolder::records`], also if an outcome is not one of the planned estimator, and whatever `each` does not
+    /// want.
     pub(crate) fn for_each_in<E: From<StoreError>>(
         &self,
         file: &Path,
         mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut names_of_file: Option<[String; 3]> = None;
+        let mut planned = None;
         store::for_each(file, self.plan.format, |line, record| {
             let Task {
                 dataset,
@@ -175,7 +177,23 @@ impl RunFolder {
                         names,
                     }));
                 }
+                planned = self.plan.is_of_homographies(matcher, estimator);
                 names_of_file = Some(names);
+            }
+            let found = record.outcome.is_of_homographies();
+            if found.is_some() && planned.is_some() && found != planned {
+                let kind = if found == Some(true) {
+                    "homography"
+                } else {
+                    "pose"
+                };
+                return Err(E::from(StoreError::Corrupt {
+                    path: file.into(),
+                    line,
+                    reason: format!(
+                        "its outcome is of a {kind}, which {estimator} does not estimate"
+                    ),
+                }));
             }
             each(line, record)
         })

@@ -210,6 +210,15 @@ impl Outcome {
         matches!(self, Self::Pose { .. } | Self::Homography { .. })
     }
 
+    /// Whether it is that of an estimator of homographies, else of poses; a failure may be of either.
+    pub(super) fn is_of_homographies(&self) -> Option<bool> {
+        match self {
+            Self::Pose { .. } | Self::NoPose { .. } => Some(false),
+            Self::Homography { .. } | Self::NoHomography { .. } => Some(true),
+            Self::Failed { .. } => None,
+        }
+    }
+
     /// Whether this can be what a run recorded; see [`RunRecord::check`](super::RunRecord::check).
     pub(super) fn check(&self) -> Result<(), String> {
         match self {

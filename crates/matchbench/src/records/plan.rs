@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::earlier_plans::modernized;
+use crate::estimators;
 use crate::files::check_name;
 use crate::matchers::Extraction;
 
@@ -83,6 +84,17 @@ impl Plan {
         let plan = modernized(self.to_json());
         serde_json::from_value(plan)
             .expect("what is written for earlier parameters is what this version writes")
+    }
+
+    /// Whether the estimator of a planned method is one of homographies, else of poses; `None` where the plan does not
+    /// tell, because it is none of the list.
+    pub(super) fn is_of_homographies(&self, matcher: &str, estimator: &str) -> Option<bool> {
+        let planned = &self.matcher(matcher)?.estimators;
+        let planned = planned.iter().find(|planned| planned.id == estimator)?;
+        // What it is compared with goes by its name, whatever it is a variant of.
+        let id = planned.id.split('@').next().unwrap_or_default();
+        let variant_of = planned.variant_of.as_deref();
+        (iter::once(id).chain(variant_of)).find_map(estimators::is_of_homographies)
     }
 
     /// The matcher with this id, if it is planned.
