@@ -561,13 +561,13 @@ fn sizes_of_images_that_are_handed_in_judge_nobody() {
 }
 
 #[test]
-fn an_estimator_of_poses_has_no_homographies() {
+fn an_estimator_of_poses_has_no_homographies_and_the_name_of_an_entry_is_no_option() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     dataset(folder, "data/wall", 3);
     one_run(folder, &[]);
     let entry = folder.join("entries/a");
-    copy(&entry, &folder.join("entries/honest"));
+    copy(&entry, &folder.join("entries/--out=x"));
     let third = 1.0 / 3f64.sqrt();
     let exact = json!({
         "kind": "homography", "homography": [third, 0, 0, 0, third, 0, 0, 0, third], "inliers": 0, "iterations": 1,
@@ -585,4 +585,8 @@ fn an_estimator_of_poses_has_no_homographies() {
     let reason = "sift+ransac-e.jsonl:1: ";
     let parts = [reason, "of a homography, which ransac-e does not estimate"];
     assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+    let board = json_of(&folder.join("site/leaderboard.json"));
+    let commands = list(&board["groups"][0]["rows"][0]["commands"]);
+    let again = text(commands.last().expect("there are some"));
+    assert_eq!(again, "matchbench eval ./--out=x --format csv");
 }

@@ -55,12 +55,12 @@ pub fn shell_word(word: &str) -> String {
     format!("'{}'", word.replace('\'', r"'\''"))
 }
 
-/// The folder of a dataset, if its name can be its folder and no program would take it for an option.
-pub(super) fn folder(dataset: &str) -> String {
-    if dataset.starts_with('-') {
-        format!("./{dataset}")
+/// A folder of this name, as no program takes it for an option.
+pub(super) fn folder(name: &str) -> String {
+    if name.starts_with('-') {
+        format!("./{name}")
     } else {
-        dataset.to_owned()
+        name.to_owned()
     }
 }
 

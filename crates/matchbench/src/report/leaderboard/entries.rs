@@ -171,7 +171,7 @@ impl Reader<'_> {
             ),
         };
         let entry = self.place(run.path());
-        let rescore = CommandLine::new(["eval", &*entry, "--format", "csv"]);
+        let rescore = CommandLine::new(["eval", &*command_line::folder(&entry), "--format", "csv"]);
         Ok(Scored {
             fingerprint: dataset.fingerprint.clone(),
             listed: dataset.pairs,
@@ -223,9 +223,10 @@ impl Reader<'_> {
             return Err("no row is of a pair that counts".to_owned());
         }
         let entry = self.place(folder);
-        let mut words = vec!["eval".to_owned(), entry.clone()];
+        let mut words = vec!["eval".to_owned(), command_line::folder(&entry)];
         if let Some(datasets) = self.datasets {
-            words.extend(["--datasets".to_owned(), datasets.display().to_string()]);
+            let datasets = command_line::folder(&datasets.display().to_string());
+            words.extend(["--datasets".to_owned(), datasets]);
         }
         words.extend(["--format", "csv"].map(str::to_owned));
         Ok(Scored {
