@@ -147,3 +147,27 @@ fn a_run_goes_on_through_no_link_in_its_folder() {
     symlink("elsewhere", &run).expect("writable");
     succeeds(folder, &RUN);
 }
+
+#[test]
+fn a_shard_is_written_through_no_link_in_the_folder_of_its_plan() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    let what = ["wall", "--matchers", "sift", "--shards", "2"];
+    succeeds(folder, &[&["plan", "--out", "plan"], &what[..]].concat());
+    let (plan, theirs) = (folder.join("plan"), folder.join("theirs"));
+    fs::create_dir(&theirs).expect("writable");
+    let work = ["work", "plan", "--shard", "1"];
+    for link in ["shards", "shards/1", "cache"].map(|link| plan.join(link)) {
+        fs::create_dir_all(link.parent().expect("it has one")).expect("writable");
+        symlink(&theirs, &link).expect("writable");
+        let named = link.file_name().expect("it has one").to_string_lossy();
+        refused(folder, &work, &format!("{named}: it is a link"));
+        assert_eq!(fs::read_dir(&theirs).expect("there").count(), 0);
+        fs::remove_file(&link).expect("there");
+    }
+    // A place that the user chose may be one.
+    symlink(&theirs, plan.join("cache")).expect("writable");
+    succeeds(folder, &[&work[..], &["--cache", "plan/cache"]].concat());
+    assert!(plan.join("shards/1/records").is_dir());
+}

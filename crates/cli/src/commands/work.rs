@@ -25,8 +25,17 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
         number: args.shard,
     };
     let datasets = datasets(args, shard)?;
-    let folder = (args.out.clone()).unwrap_or_else(|| ShardPlan::shard_folder(&home, args.shard));
-    let features = (args.cache.clone()).unwrap_or_else(|| ShardPlan::default_cache(&home));
+    let folder = match &args.out {
+        Some(folder) => folder.clone(),
+        None => ShardPlan::default_shard(&home, args.shard)
+            .context("--out names another place for the shard")?,
+    };
+    let features = match &args.cache {
+        Some(cache) => cache.clone(),
+        None => {
+            ShardPlan::default_cache(&home).context("--cache names another place for features")?
+        }
+    };
     let asked = plan.asked();
     let sources = sources_as_planned(&matches(args, &plan)?, &datasets, plan.plan())
         .context("matches from files are not as planned; say where they are with --matches")?;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::super::growth::difference;
 use super::super::{KeepMatches, Plan, RunFolder, ShardOf, Tuned};
 use super::{Cut, ShardError};
-use crate::files::{read_file, write_whole};
+use crate::files::{read_file, refuse_link, refuse_links, write_whole};
 use crate::matchers::MatchesFrom;
 
 /// Version of the format of plans of shards that this program writes, and the only one that it reads.
@@ -181,9 +181,23 @@ impl ShardPlan {
         folder.join(SHARDS).join(number.to_string())
     }
 
+    /// The folder of a shard, in that of the plan, to write to.
+    ///
+    /// # Errors
+    /// If a link in the folder of the plan leads elsewhere.
+    pub fn default_shard(folder: &Path, number: u32) -> io::Result<PathBuf> {
+        refuse_links(folder, &Self::shard_folder(Path::new(""), number))?;
+        Ok(Self::shard_folder(folder, number))
+    }
+
     /// Where features are kept unless another place is asked for.
-    pub fn default_cache(folder: &Path) -> PathBuf {
-        folder.join("cache")
+    ///
+    /// # Errors
+    /// If it is a link, which leads elsewhere.
+    pub fn default_cache(folder: &Path) -> io::Result<PathBuf> {
+        let cache = folder.join("cache");
+        refuse_link(&cache)?;
+        Ok(cache)
     }
 
     /// What the plan of a shard says of itself.
