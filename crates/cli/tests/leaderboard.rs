@@ -574,8 +574,9 @@ fn an_estimator_of_poses_has_no_homographies_and_the_name_of_an_entry_is_no_opti
         "corner_error": 0.0
     });
     forge(&entry, json!({}), |mut all| {
-        all.iter_mut()
-            .for_each(|record| record["outcome"] = exact.clone());
+        for record in &mut all {
+            record["outcome"] = exact.clone();
+        }
         all
     });
     let output = go(folder, &["leaderboard", "entries", "--out", "site"]);

@@ -236,7 +236,8 @@ fn a_truth_that_confident_poses_contradict_is_warned_of() {
                 },
                 "times": {}
             });
-            records += &format!("{record}\n");
+            records.push_str(&record.to_string());
+            records.push('\n');
         }
         let run = folder.join(run);
         fs::create_dir_all(run.join("records/wall")).expect("writable");
