@@ -126,6 +126,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn table(folder: &Path) -> Result<String, Box<dyn Error>> {
     let sets = load(folder, None)?;
-    let scores: Vec<Summary> = (sets.iter()).map(|set| Summary::new(set)).collect();
+    let scores: Vec<Summary> = sets.iter().map(Summary::new).collect();
     Ok(render(Format::Table, &scores))
 }

@@ -11,6 +11,9 @@ use std::path::Path;
 /// Folders above an image that may be part of its name.
 const MAX_FOLDERS: usize = 6;
 
+/// Largest number of bytes of a name whose first folders may be left out: that of a path on most systems.
+const MAX_PATH: usize = 4096;
+
 /// What a name means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Named {
@@ -24,6 +27,8 @@ pub(crate) enum Named {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ImageNames {
     images: HashMap<String, Named>,
+    /// The length of the longest name.
+    longest: usize,
 }
 
 impl Named {
@@ -54,18 +59,25 @@ impl ImageNames {
                     .or_insert(Named::One(number));
             }
         }
-        Self { images }
+        let longest = images.keys().map(String::len).max().unwrap_or(0);
+        Self { images, longest }
     }
 
     /// The image whose path ends with that name.
     pub(crate) fn whole(&self, name: &str) -> Option<Named> {
-        self.images.get(name).copied()
+        // A name of others may have any length; without this, to look up all parts of a long one would take long.
+        (name.len() <= self.longest)
+            .then(|| self.images.get(name).copied())
+            .flatten()
     }
 
     /// The image of that name without its first folders, which are those of another root: of the longest rest which is
     /// a name. Where `-` stands for `/`, it also stands for itself. So the rest may begin after any `-`, and no shorter
     /// one may be the name of one other image.
     pub(crate) fn end(&self, name: &str) -> Option<Named> {
+        if name.len() > MAX_PATH {
+            return None;
+        }
         let rests = |separators: &'static [char]| {
             iter::successors(Some(name), move |rest| Some(rest.split_once(separators)?.1))
                 .filter_map(|rest| self.whole(rest))

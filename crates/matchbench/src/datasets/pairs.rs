@@ -122,6 +122,9 @@ impl fmt::Display for PairRule {
     }
 }
 
+/// Largest number of pairs that a rule makes; they take about 3.5 GB.
+const MAX_PAIRS: usize = 20_000_000;
+
 impl PairRule {
     /// Every `stride`-th frame stays in the dataset.
     pub fn stride(&self) -> usize {
@@ -136,27 +139,28 @@ impl PairRule {
     ///
     /// # Errors
     /// If the list cannot be read, or names a frame that does not exist, a frame with itself, or a pair twice.
-    /// Also if the rule asks for common points, which are not known here.
+    /// Also if the rule asks for common points, which are not known here, or makes more than 20,000,000 pairs.
     pub fn pairs(&self, kept: usize) -> Result<Vec<(u32, u32)>, DatasetError> {
-        let with_next = |size: usize| {
-            move |a: usize| {
-                (a + 1..kept.min(a.saturating_add(size).saturating_add(1))).map(move |b| (a, b))
-            }
-        };
-        let pairs: Vec<(usize, usize)> = match self {
-            Self::Fragments { length } => (0..kept)
-                .step_by(*length)
-                .flat_map(with_next(length - 1))
-                .collect(),
-            Self::All => (0..kept).flat_map(with_next(kept)).collect(),
-            Self::Window { size, .. } => (0..kept).flat_map(with_next(*size)).collect(),
+        let (step, size) = match self {
+            Self::Fragments { length } => (*length, length - 1),
+            Self::All => (1, kept),
+            Self::Window { size, .. } => (1, *size),
             Self::List { file } => return numbered(&TextFile::read(file)?, Some(kept)),
             Self::Covisible { .. } => return Err(self.without_points()),
         };
-        Ok(pairs
-            .into_iter()
-            .map(|(a, b)| (a as u32, b as u32))
-            .collect())
+        let last = |a: usize| kept.min(a.saturating_add(size).saturating_add(1));
+        let first_frames = || (0..kept).step_by(step);
+        let count: usize = first_frames().map(|a| last(a) - (a + 1)).sum();
+        if count > MAX_PAIRS {
+            return Err(DatasetError::new(
+                self.to_string(),
+                format!("{kept} frames have {count} pairs by this rule; {MAX_PAIRS} are possible"),
+                "choose fewer pairs, for example by --pairs window:9,stride:15 or fragments:15",
+            ));
+        }
+        let pairs =
+            first_frames().flat_map(|a| (a + 1..last(a)).map(move |b| (a as u32, b as u32)));
+        Ok(pairs.collect())
     }
 
     fn without_points(&self) -> DatasetError {
@@ -333,6 +337,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn more_pairs_than_fit_are_counted_and_not_made() {
+        for rule in ["all", "window:4000000000"] {
+            let rule: PairRule = rule.parse().unwrap();
+            let error = rule.pairs(200_000).unwrap_err().to_string();
+            assert!(
+                error.contains("19999900000 pairs") && error.contains("fragments:15"),
+                "{error}"
+            );
+        }
+        assert_eq!(count("window:9", 200_000), 1_799_955);
     }
 
     #[test]

@@ -24,15 +24,15 @@ use mistakes::{Mistake, mistakes};
 /// Probability of a pose to be right from which on it is confident.
 const CONFIDENT: f64 = 0.9;
 /// Fewer pairs with a confident pose say nothing ...
-const LEAST_PAIRS: usize = 10;
+const MIN_PAIRS: usize = 10;
 /// ... and neither do fewer images: a single one may show the same thing at two places.
-const LEAST_IMAGES: usize = 5;
+const MIN_IMAGES: usize = 5;
 /// The most pairs of a dataset that are looked at, evenly spread over all.
-const MOST_PAIRS: usize = 2000;
+const MAX_PAIRS: usize = 2000;
 /// Mistakes are tried if fewer than this share of the pairs agree with the truth ...
 const FEW_AGREE: f64 = 0.4;
 /// ... and one explains it if this share of the pairs agree under it, and at least twice as many as without it.
-const MOST_AGREE: f64 = 0.5;
+const MAX_AGREE: f64 = 0.5;
 /// Without an explanation the truth is in doubt if fewer than this share of the pairs agree with it.
 const HARDLY_ANY_AGREE: f64 = 0.2;
 
@@ -108,7 +108,7 @@ fn judged(sets: &[&ResultSet]) -> Judged {
             agreement.rotation |= rotation < RIGHT_POSE;
         }
     }
-    let step = all.len().div_ceil(MOST_PAIRS).max(1);
+    let step = all.len().div_ceil(MAX_PAIRS).max(1);
     all.into_iter().step_by(step).collect()
 }
 
@@ -119,8 +119,8 @@ fn agreeing(judged: &Judged) -> usize {
 /// Whether there are enough pairs, of which few agree with the truth.
 fn is_doubtful(judged: &Judged) -> bool {
     let images: BTreeSet<u32> = judged.keys().flat_map(|&(a, b)| [a, b]).collect();
-    judged.len() >= LEAST_PAIRS
-        && images.len() >= LEAST_IMAGES
+    judged.len() >= MIN_PAIRS
+        && images.len() >= MIN_IMAGES
         && (agreeing(judged) as f64) < FEW_AGREE * judged.len() as f64
 }
 
@@ -175,7 +175,7 @@ fn explanation(sequence: &Sequence, poses: &Estimates) -> Option<(Mistake, usize
             best = Some((mistake, count));
         }
     }
-    best.filter(|(_, count)| *count as f64 >= MOST_AGREE * poses.len() as f64)
+    best.filter(|(_, count)| *count as f64 >= MAX_AGREE * poses.len() as f64)
 }
 
 #[cfg(test)]
@@ -375,7 +375,7 @@ mod tests {
         let many = results((0..9001).map(|a| (a, a + 1)), 0.95, 80.0);
         let judged = judged(&[&many]);
         assert!(
-            (1500..=MOST_PAIRS).contains(&judged.len()),
+            (1500..=MAX_PAIRS).contains(&judged.len()),
             "{}",
             judged.len()
         );

@@ -26,7 +26,7 @@ use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, Settings};
 const ROUNDED: f64 = 1e-3;
 
 /// Most frames of a dataset that is opened where the plan of an entry says.
-const MOST_FRAMES: usize = 1_000_000;
+const MAX_FRAMES: usize = 1_000_000;
 /// Most bytes of its `dataset.toml`: that of 100,000 frames with a camera each.
 const LONGEST_MANIFEST: u64 = 16 << 20;
 /// Most bytes of the path of its folder, which stands before that of every image.
@@ -105,7 +105,7 @@ impl Truths {
 /// Whether the dataset in a folder, planned with so many frames, is no larger than those that are known.
 fn is_usual(folder: &Path, frames: usize) -> bool {
     let manifest = fs::metadata(folder.join("dataset.toml"));
-    frames <= MOST_FRAMES
+    frames <= MAX_FRAMES
         && folder.as_os_str().len() <= LONGEST_FOLDER
         && manifest.map_or(true, |manifest| manifest.len() <= LONGEST_MANIFEST)
 }
@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn a_dataset_that_an_entry_names_is_opened_up_to_a_size() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        assert!(is_usual(folder.path(), MOST_FRAMES) && !is_usual(folder.path(), MOST_FRAMES + 1));
+        assert!(is_usual(folder.path(), MAX_FRAMES) && !is_usual(folder.path(), MAX_FRAMES + 1));
         let manifest = fs::File::create(folder.path().join("dataset.toml")).expect("writable");
         manifest
             .set_len(LONGEST_MANIFEST)
