@@ -422,7 +422,7 @@ fn time_has_a_line_for_every_matcher() {
 #[test]
 fn compare_says_what_changed_in_numbers_and_in_words() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let wall = dataset(folder.path(), "wall", 8).display().to_string();
+    let wall = dataset(folder.path(), "wall", 14).display().to_string();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let go = |name: &str, setting: &str| {
         let arguments = ["--matchers", "sift", "--set", setting, "--out", &path(name)];
@@ -473,7 +473,7 @@ fn eval_says_who_is_best_and_how_certainly() {
     assert!(done.status.success(), "{}", text(&done.stderr));
     let told_of_few = text(&run(&["eval", &of_few]).stdout);
     assert!(
-        told_of_few.contains("4 reference images are too few to be certain of it"),
+        told_of_few.contains("5 images are too few to be certain of it"),
         "{told_of_few}"
     );
     let last = told.lines().last().expect("what to do next");

@@ -31,7 +31,11 @@ impl Difference {
 
     /// Of a score that is no mean over pairs, but nearly the `mean` of terms, whose standard error it has.
     pub(super) fn of(value: f64, mean: Ratio) -> Self {
-        let interval = mean.interval(value);
+        // Scores are shares, so no difference is larger than 1.
+        let interval = mean.interval(value).map(|Interval { low, high }| Interval {
+            low: low.max(-1.0),
+            high: high.min(1.0),
+        });
         let leaves_out_zero =
             interval.is_some_and(|interval| interval.low > ROUNDING || interval.high < -ROUNDING);
         // The mean, which is what is tested, must have the sign of the score.
