@@ -92,8 +92,8 @@ fn descriptor_distance(a: &Features, i: usize, b: &Features, j: usize) -> f64 {
 }
 
 /// Tiny and empty images, black, white and a single bright pixel have no features; noise of any
-/// shape gives the same valid ones each time.
-pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) {
+/// shape, and blobs, give the same valid ones each time. How many they give is returned.
+pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) -> usize {
     for (width, height) in [(0, 0), (0, 9), (9, 0), (1, 1), (2, 3), (3, 200), (20, 20)] {
         for value in [0, 255] {
             let image = GrayImage::filled(Size::new(width, height), value);
@@ -108,7 +108,7 @@ pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) {
     let noise = sizes.map(|(width, height)| {
         GrayImage::from_fn(Size::new(width, height), |_, _| rng.below(256) as u8)
     });
-    // Detectors of blobs find none in noise.
+    // Detectors of blobs find few in noise.
     let blobs = GrayImage::from_fn(Size::new(161, 97), |x, y| {
         let wave = |v: usize, length: f32| libm::sinf(v as f32 / length);
         (128.0 + 100.0 * wave(x, 5.0) * wave(y, 4.0) + 20.0 * wave(x + y, 19.0)) as u8
@@ -130,5 +130,5 @@ pub(super) fn assert_odd_images_are_fine(extractor: &dyn Extractor) {
             assert!(rows.data().iter().all(|v| v.is_finite()));
         }
     }
-    assert!(found > 0, "there are features");
+    found
 }

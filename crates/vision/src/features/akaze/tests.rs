@@ -18,7 +18,7 @@ fn features_turn_with_the_image() {
 
 #[test]
 fn odd_images_are_fine() {
-    assert_odd_images_are_fine(&akaze());
+    assert!(assert_odd_images_are_fine(&akaze()) > 0);
     let all = AkazeParams {
         threshold: 0.0,
         octaves: 16,

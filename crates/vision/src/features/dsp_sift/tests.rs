@@ -229,8 +229,8 @@ fn ellipses_follow_a_shear_and_their_descriptors_stay() {
 
 #[test]
 fn any_image_is_taken() {
-    assert_odd_images_are_fine(&dsp_sift(DspSiftParams::default()));
-    assert_odd_images_are_fine(&on_ellipses());
+    assert!(assert_odd_images_are_fine(&dsp_sift(DspSiftParams::default())) > 0);
+    assert!(assert_odd_images_are_fine(&on_ellipses()) > 0);
     let edge = GrayImage::from_fn(Size::new(120, 90), |x, _| if x < 60 { 20 } else { 230 });
     assert_eq!(on_ellipses().extract(&edge), on_ellipses().extract(&edge));
 }

@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn odd_images_are_fine() {
-        assert_odd_images_are_fine(&kaze());
+        assert!(assert_odd_images_are_fine(&kaze()) > 0);
         for (octaves, levels) in [(1, 1), (1, 2), (1, 3), (5, 2)] {
             let params = KazeParams {
                 threshold: 0.0,
