@@ -167,6 +167,23 @@ pub(super) struct Task<'a> {
     pub(super) stop: &'a dyn Fn(usize) -> bool,
 }
 
+/// The `stop` of a caller, for a search that begins after `drawn` samples of others. It notes the number of samples after
+/// which the caller ended the search.
+fn noting<'a>(
+    stop: &'a dyn Fn(usize) -> bool,
+    drawn: usize,
+    ended: &'a Cell<Option<usize>>,
+) -> impl Fn(usize) -> bool + 'a {
+    move |samples| {
+        let samples = drawn.saturating_add(samples);
+        let stops = stop(samples);
+        if stops {
+            ended.set(Some(samples));
+        }
+        stops
+    }
+}
+
 impl Task<'_> {
     /// The best model of all samples.
     pub(super) fn solve<P>(&self, problem: &P) -> Option<Consensus<Matrix3<f64>>>
@@ -240,15 +257,8 @@ impl Task<'_> {
     where
         P: Problem<Model = Matrix3<f64>>,
     {
-        // The number of samples after which the caller ended the first search.
         let ended = Cell::new(None);
-        let stop = |samples| {
-            let stops = (self.stop)(samples);
-            if stops {
-                ended.set(Some(samples));
-            }
-            stops
-        };
+        let stop = noting(self.stop, 0, &ended);
         let first = Task {
             stop: &stop,
             ..self.first(noise_iterations)
@@ -264,16 +274,8 @@ impl Task<'_> {
             }
             None => guess,
         };
-        // The number of samples after which the caller ended the second search.
         let ended = Cell::new(None);
-        let stop = |samples: usize| {
-            let samples = drawn.saturating_add(samples);
-            let stops = (self.stop)(samples);
-            if stops {
-                ended.set(Some(samples));
-            }
-            stops
-        };
+        let stop = noting(self.stop, drawn, &ended);
         let rest = Task {
             stop: &stop,
             ..*self
