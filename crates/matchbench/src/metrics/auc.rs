@@ -28,7 +28,15 @@ pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
 /// The same of the corner errors of homographies, up to `limit` pixels: what is reported on HPatches. NaN where
 /// there are none.
 pub fn corner_auc(pairs: &[PairResult], limit: f64) -> f64 {
-    let homographies = pairs.iter().filter(|pair| pair.model == Model::Homography);
+    corner_auc_of(pairs.iter(), limit)
+}
+
+/// [`corner_auc`] of pairs that do not stand side by side.
+pub(super) fn corner_auc_of<'a>(
+    pairs: impl Iterator<Item = &'a PairResult> + Clone,
+    limit: f64,
+) -> f64 {
+    let homographies = pairs.filter(|pair| pair.model == Model::Homography);
     auc_of(homographies.map(PairResult::corner_error), limit)
 }
 

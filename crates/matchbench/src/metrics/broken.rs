@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::estimators::{self, Estimator};
+use crate::estimators;
 use crate::protocols::without_protocol;
 use crate::records::{ByDepth, Repeated};
 
@@ -113,10 +113,11 @@ fn said_model(set: &ResultSet) -> Option<Model> {
 
 /// What the estimator of this name estimates, if it is one of the list.
 fn model_of(estimator: &str) -> Option<Model> {
-    let entry = estimators::find(without_protocol(estimator)).ok()?;
-    Some(match entry.build(None).ok()?.estimator {
-        Estimator::Pose(_) => Model::Pose,
-        Estimator::Homography(_) => Model::Homography,
+    let of_homographies = estimators::is_of_homographies(without_protocol(estimator))?;
+    Some(if of_homographies {
+        Model::Homography
+    } else {
+        Model::Pose
     })
 }
 

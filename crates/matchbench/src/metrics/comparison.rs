@@ -5,14 +5,12 @@
 
 use std::collections::BTreeMap;
 
+use super::auc::corner_auc_of;
 use super::average_matches::is_right;
 use super::intervals::Ratio;
 use super::scores::AP_THRESHOLD;
 use super::success::{HEADLINE_PX, gain};
-use super::{
-    Angle, Difference, Groups, Model, PairResult, ResultSet, Term, corner_auc, is_above,
-    ranking_auc,
-};
+use super::{Angle, Difference, Groups, Model, PairResult, ResultSet, Term, is_above, ranking_auc};
 
 /// What changed from one set of results to another on the pairs that both have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,16 +148,12 @@ fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle) -> Difference 
         .collect();
     let corners = |pair: &PairResult| pair.model == Model::Homography;
     let of_corners = (twins.iter()).all(|(before, after)| corners(before) && corners(after));
-    let mean = Ratio::of(terms.iter().copied());
-    match mean.filter(|_| of_corners) {
-        Some(mean) => {
-            let auc = |pairs: Vec<PairResult>| corner_auc(&pairs, HEADLINE_PX);
-            let before = auc(twins.iter().map(|(before, _)| (*before).clone()).collect());
-            let after = auc(twins.iter().map(|(_, after)| (*after).clone()).collect());
-            Difference::of(after - before, mean)
-        }
-        None => Difference::new(&terms),
+    if of_corners && let Some(mean) = Ratio::of(terms.iter().copied()) {
+        let before = corner_auc_of(twins.iter().map(|(before, _)| *before), HEADLINE_PX);
+        let after = corner_auc_of(twins.iter().map(|(_, after)| *after), HEADLINE_PX);
+        return Difference::of(after - before, mean);
     }
+    Difference::new(&terms)
 }
 
 #[cfg(test)]
