@@ -1,11 +1,13 @@
 //! `matchbench show`: draws one pair, matched as a run would match it.
 
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use matchbench::cache::FeatureCache;
 use matchbench::counted::counted;
+use matchbench::datasets::{Frame, Pair, Sequence};
 use matchbench::files::TemporaryFolder;
 use matchbench::matchers::ImageFiles;
 use matchbench::metrics::PairResult;
@@ -13,8 +15,8 @@ use matchbench::protocols::of_estimator;
 use matchbench::records::{Counts, Outcome};
 use matchbench::report::{Thumbnail, picture_png, picture_svg, sentence, view};
 use matchbench::run::{
-    Contender, ContenderError, Dataset, ImagePair, Outside, check_truth, check_turns, evaluate,
-    pair_seed,
+    Contender, ContenderError, Dataset, Evaluation, ImagePair, Outside, check_truth, check_turns,
+    evaluate, pair_seed,
 };
 
 use super::job::{changes, check_names};
@@ -27,102 +29,120 @@ use crate::stop::end_on_ctrl_c;
 const DRAWN: (u32, u8) = (1600, 88);
 
 pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
-    let extension = args
-        .out
-        .extension()
-        .and_then(|extension| extension.to_str());
-    let svg = match extension {
-        Some("svg") => true,
-        Some("png") => false,
-        // If standard output is a terminal, nobody can read the bytes; if it is piped on, the picture is a PNG.
-        None if is_standard_output(&args.out) => false,
-        _ => bail!(
-            "--out {}: the name must end in .png or .svg, or be - for a PNG on standard output",
-            args.out.display()
-        ),
-    };
+    let format = Format::of(&args.out)?;
     let (_beside, contender) = contender(args)?;
     let Dataset { sequence, .. } = Dataset::open(&args.dataset)?;
     check_turns(&sequence, &contender)?;
-    let mut pairs = sequence.pairs.iter();
-    let pair = (pairs.find(|pair| (pair.a, pair.b) == (args.a, args.b))).with_context(|| {
-        format!(
-            "{} has no pair {} {}; its pairs.txt lists those that it has",
-            args.dataset.display(),
-            args.a,
-            args.b
-        )
-    })?;
+    let pair = pair(args, &sequence)?;
     check_truth(&sequence.name, [pair], &contender)?;
-    let [frame_a, frame_b] = [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize]);
-    let gray = [frame_a.pixels()?, frame_b.pixels()?];
-    let seed = pair_seed(
-        args.seed,
-        &sequence.name,
-        contender.source.id(),
-        (pair.a, pair.b),
-        0,
-    );
-    let evaluation = evaluate(
-        &contender,
-        &ImagePair {
-            images: gray.each_ref(),
-            cameras: [&frame_a.camera, &frame_b.camera],
-            truth: &pair.truth,
-            files: Some(ImageFiles {
-                dataset: &sequence.name,
-                frames: [pair.a, pair.b],
-                images: [&frame_a.image, &frame_b.image],
-            }),
-        },
-        seed,
-    )?;
+    let evaluation = evaluated(args, &sequence, pair, &contender)?;
     let (outcome, matches) = (&evaluation.outcomes[0], &evaluation.matches);
     if let Outcome::Failed { reason, .. } = outcome {
         bail!("{reason}");
     }
-    let planes = [frame_a.planes()?, frame_b.planes()?];
-    let images = planes.map(|planes| Arc::new(Thumbnail::new(&planes, DRAWN.0, DRAWN.1)));
-    let view = view(&sequence, pair, matches, outcome, images);
-    let mut view =
-        view.context("the dataset has no truth of this pair for what the estimator estimates")?;
+    let [a, b] = frames(&sequence, pair);
+    let images = [a.planes()?, b.planes()?]
+        .map(|planes| Arc::new(Thumbnail::new(&planes, DRAWN.0, DRAWN.1)));
+    let mut view = view(&sequence, pair, matches, outcome, images)
+        .context("the dataset has no truth of this pair for what the estimator estimates")?;
     if args.keypoints {
-        for (points, features) in view
-            .keypoints
-            .iter_mut()
-            .zip(evaluation.features.iter().flatten())
-        {
+        let features = evaluation.features.iter().flatten();
+        for (points, features) in view.keypoints.iter_mut().zip(features) {
             let keypoints = features.keypoints.iter();
             *points = keypoints.map(|keypoint| keypoint.at.cast()).collect();
         }
     }
-    let protocol = of_estimator(&contender.estimators[0].name);
+    let estimator = &contender.estimators[0].name;
     let caption = format!(
         "{} {} – {}, {} + {}: {}",
         sequence.name,
         args.a,
         args.b,
         contender.source.id(),
-        contender.estimators[0].name,
-        sentence(&PairResult::of(pair.a, pair.b, outcome), protocol)
+        estimator,
+        sentence(
+            &PairResult::of(pair.a, pair.b, outcome),
+            of_estimator(estimator)
+        )
     );
-    let picture = if svg {
-        picture_svg(&view, &caption).into_bytes()
-    } else {
-        picture_png(&view, &caption)?
+    let picture = match format {
+        Format::Svg => picture_svg(&view, &caption).into_bytes(),
+        Format::Png => picture_png(&view, &caption)?,
     };
     write_result(&args.out, &picture)?;
-    if is_standard_output(&args.out) {
-        return Ok(Ending::Done);
+    if !is_standard_output(&args.out) {
+        writeln!(
+            stdout(),
+            "{caption}\n{}, of which {} agree with the estimate\n{}",
+            in_words(&matches.counts),
+            view.tally.agree,
+            args.out.display()
+        )?;
     }
-    writeln!(
-        stdout(),
-        "{caption}\n{}, of which {} agree with the estimate\n{}",
-        in_words(&matches.counts),
-        view.tally.agree,
-        args.out.display()
-    )?;
     Ok(Ending::Done)
+}
+
+/// What the picture is written as.
+enum Format {
+    Png,
+    Svg,
+}
+
+impl Format {
+    /// By the name of the file.
+    fn of(out: &Path) -> Result<Self> {
+        match out.extension().and_then(|extension| extension.to_str()) {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            // If standard output is a terminal, nobody can read the bytes; if it is piped on, the picture is a PNG.
+            None if is_standard_output(out) => Ok(Self::Png),
+            _ => bail!(
+                "--out {}: the name must end in .png or .svg, or be - for a PNG on standard output",
+                out.display()
+            ),
+        }
+    }
+}
+
+/// The pair that is shown.
+fn pair<'a>(args: &ShowArgs, sequence: &'a Sequence) -> Result<&'a Pair> {
+    let mut pairs = sequence.pairs.iter();
+    (pairs.find(|pair| (pair.a, pair.b) == (args.a, args.b))).with_context(|| {
+        format!(
+            "{} has no pair {} {}; its pairs.txt lists those that it has",
+            args.dataset.display(),
+            args.a,
+            args.b
+        )
+    })
+}
+
+fn frames<'a>(sequence: &'a Sequence, pair: &Pair) -> [&'a Frame; 2] {
+    [pair.a, pair.b].map(|frame| &sequence.frames[frame as usize])
+}
+
+/// The pair, matched and estimated with the seed that it has in a run.
+fn evaluated(
+    args: &ShowArgs,
+    sequence: &Sequence,
+    pair: &Pair,
+    contender: &Contender,
+) -> Result<Evaluation> {
+    let [a, b] = frames(sequence, pair);
+    let gray = [a.pixels()?, b.pixels()?];
+    let matcher = contender.source.id();
+    let seed = pair_seed(args.seed, &sequence.name, matcher, (pair.a, pair.b), 0);
+    let images = ImagePair {
+        images: gray.each_ref(),
+        cameras: [&a.camera, &b.camera],
+        truth: &pair.truth,
+        files: Some(ImageFiles {
+            dataset: &sequence.name,
+            frames: [pair.a, pair.b],
+            images: [&a.image, &b.image],
+        }),
+    };
+    Ok(evaluate(contender, &images, seed)?)
 }
 
 /// `1207 and 1190 features, 1207 putative and 340 selected matches`.

@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, UnitVector3, Vector2};
 use rusqlite::{Connection, MAIN_DB, params};
 
 use super::super::export::{Model, TwoView, numbered};
-use super::super::{ExchangeError, Export};
+use super::super::{ExchangeError, Export, PairExport};
 use super::{CENTER, MAX_IMAGES};
 use crate::files::write_new;
 
@@ -81,30 +81,7 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
     connection.execute_batch(SCHEMA)?;
     let transaction = connection.transaction()?;
     let numbered = numbered(export);
-
-    // Images that share a camera name it once; it must be there before them.
-    let mut cameras: Vec<(Camera, Size)> = Vec::new();
-    let mut camera_ids = Vec::new();
-    for (frame, &size) in export.sequence.frames.iter().zip(&export.sizes) {
-        let camera = (frame.camera, size);
-        let known = cameras.iter().position(|known| *known == camera);
-        camera_ids.push(known.unwrap_or(cameras.len()) as i64 + 1);
-        if known.is_none() {
-            let (model, numbers) = model(&camera.0);
-            let (width, height) = (size.width as i64, size.height as i64);
-            cameras.push(camera);
-            transaction.execute(
-                "INSERT INTO cameras VALUES (?1, ?2, ?3, ?4, ?5, 1)",
-                params![
-                    cameras.len() as i64,
-                    model,
-                    width,
-                    height,
-                    doubles(&numbers)
-                ],
-            )?;
-        }
-    }
+    let camera_ids = insert_cameras(&transaction, export)?;
     let names = export.image_names();
     let images = numbered.keypoints.iter().zip(&names).zip(&camera_ids);
     for (((keypoints, name), camera_id), frame) in images.zip(0..) {
@@ -121,58 +98,91 @@ fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
         )?;
     }
     for (pair, indices) in export.pairs.iter().zip(&numbered.matches) {
-        let (a, b) = pair.frames;
-        // The smaller id comes first.
-        let swapped = a > b;
-        let (first, second) = if swapped { (b, a) } else { (a, b) };
-        let pair_id = MAX_IMAGES * image_id(first) + image_id(second);
-        let rows = |kept: &dyn Fn(usize) -> bool| {
-            let kept = indices.iter().enumerate().filter(|(row, _)| kept(*row));
-            let pairs = kept.map(|(_, &[i, j])| if swapped { [j, i] } else { [i, j] });
-            pairs
-                .flatten()
-                .flat_map(u32::to_le_bytes)
-                .collect::<Vec<u8>>()
-        };
-        let all = rows(&|_| true);
-        transaction.execute(
-            "INSERT INTO matches VALUES (?1, ?2, 2, ?3)",
-            params![pair_id, indices.len() as i64, all],
-        )?;
-        let Some(TwoView { b_from_a, inliers }) = &pair.two_view else {
-            continue;
-        };
-        let camera = |frame: u32| &export.sequence.frames[frame as usize].camera;
-        let geometry = match b_from_a {
-            Model::Pose(pose) => {
-                let pose = if swapped { inverse(pose) } else { *pose };
-                Geometry::of_pose(&pose, camera(first), camera(second))
-            }
-            Model::Homography(h) => {
-                let Some(h) = (if swapped { h.try_inverse() } else { Some(*h) }) else {
-                    continue;
-                };
-                Geometry::of_homography(&h)
-            }
-        };
-        let inlying = rows(&|row| inliers[row]);
-        transaction.execute(
-            "INSERT INTO two_view_geometries VALUES (?1, ?2, 2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
-            params![
-                pair_id,
-                (inlying.len() / 8) as i64,
-                inlying,
-                geometry.config,
-                matrix(&geometry.f),
-                matrix(&geometry.e),
-                matrix(&geometry.h),
-                doubles(&geometry.rotation),
-                doubles(&geometry.translation),
-            ],
-        )?;
+        insert_pair(&transaction, export, pair, indices)?;
     }
     transaction.commit()?;
     Ok(connection.serialize(MAIN_DB)?.to_vec())
+}
+
+/// The id of each frame's camera. Images that share a camera name it once; it must be there before them.
+fn insert_cameras(connection: &Connection, export: &Export<'_>) -> rusqlite::Result<Vec<i64>> {
+    let mut cameras: Vec<(Camera, Size)> = Vec::new();
+    let mut camera_ids = Vec::new();
+    for (frame, &size) in export.sequence.frames.iter().zip(&export.sizes) {
+        let camera = (frame.camera, size);
+        let known = cameras.iter().position(|known| *known == camera);
+        let id = known.unwrap_or(cameras.len()) as i64 + 1;
+        camera_ids.push(id);
+        if known.is_none() {
+            let (model, numbers) = model(&camera.0);
+            let (width, height) = (size.width as i64, size.height as i64);
+            cameras.push(camera);
+            connection.execute(
+                "INSERT INTO cameras VALUES (?1, ?2, ?3, ?4, ?5, 1)",
+                params![id, model, width, height, doubles(&numbers)],
+            )?;
+        }
+    }
+    Ok(camera_ids)
+}
+
+/// The matches of a pair as indices of keypoints and, if its estimate found a model, its two-view geometry.
+fn insert_pair(
+    connection: &Connection,
+    export: &Export<'_>,
+    pair: &PairExport,
+    indices: &[[u32; 2]],
+) -> rusqlite::Result<()> {
+    let (a, b) = pair.frames;
+    // The smaller id comes first.
+    let swapped = a > b;
+    let (first, second) = if swapped { (b, a) } else { (a, b) };
+    let pair_id = MAX_IMAGES * image_id(first) + image_id(second);
+    let rows = |kept: &dyn Fn(usize) -> bool| {
+        let kept = indices.iter().enumerate().filter(|(row, _)| kept(*row));
+        let pairs = kept.map(|(_, &[i, j])| if swapped { [j, i] } else { [i, j] });
+        pairs
+            .flatten()
+            .flat_map(u32::to_le_bytes)
+            .collect::<Vec<u8>>()
+    };
+    let all = rows(&|_| true);
+    connection.execute(
+        "INSERT INTO matches VALUES (?1, ?2, 2, ?3)",
+        params![pair_id, indices.len() as i64, all],
+    )?;
+    let Some(TwoView { b_from_a, inliers }) = &pair.two_view else {
+        return Ok(());
+    };
+    let camera = |frame: u32| &export.sequence.frames[frame as usize].camera;
+    let geometry = match b_from_a {
+        Model::Pose(pose) => {
+            let pose = if swapped { inverse(pose) } else { *pose };
+            Geometry::of_pose(&pose, camera(first), camera(second))
+        }
+        Model::Homography(h) => {
+            let Some(h) = (if swapped { h.try_inverse() } else { Some(*h) }) else {
+                return Ok(());
+            };
+            Geometry::of_homography(&h)
+        }
+    };
+    let inlying = rows(&|row| inliers[row]);
+    connection.execute(
+        "INSERT INTO two_view_geometries VALUES (?1, ?2, 2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
+        params![
+            pair_id,
+            (inlying.len() / 8) as i64,
+            inlying,
+            geometry.config,
+            matrix(&geometry.f),
+            matrix(&geometry.e),
+            matrix(&geometry.h),
+            doubles(&geometry.rotation),
+            doubles(&geometry.translation),
+        ],
+    )?;
+    Ok(())
 }
 
 /// What COLMAP keeps of the geometry of two images; matrices that it does not have are zero.

@@ -1,19 +1,16 @@
 //! Reads Python pickles, as far as numbers, names and NumPy arrays need it.
 //!
 //! A pickle is a program for a stack machine that may call any Python function. Nothing is called here: an
-//! opcode or function that is not on the list below is an error that names it. The others build lists, tuples,
+//! opcode or function that is not on the lists below is an error that names it. The others build lists, tuples,
 //! dictionaries, text, numbers and arrays (of numbers, or of further values). All values are in one store and
 //! refer to each other by number. So a value that refers to itself, or that is nested deeply, needs no more
 //! memory than its bytes. The contents of an array are copied from another value; all copies together may be
 //! some times as large as the pickle.
 //!
-//! Opcodes (of protocols 2 to 5): PROTO FRAME STOP MARK MEMOIZE BINPUT LONG_BINPUT BINGET
-//! LONG_BINGET NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT BINUNICODE
-//! SHORT_BINUNICODE BINBYTES SHORT_BINBYTES EMPTY_LIST APPEND APPENDS EMPTY_TUPLE TUPLE TUPLE1
-//! TUPLE2 TUPLE3 EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD BYTEARRAY8. Functions: those of
-//! [`calls`].
+//! Opcodes: those of [`opcode`]. Functions: those of [`calls`].
 
 mod calls;
+mod opcode;
 
 use std::collections::BTreeMap;
 
@@ -125,148 +122,120 @@ const MAX_COPIES: usize = 16;
 
 impl Machine<'_> {
     /// Executes one instruction. Returns the result of the program when it stops.
-    #[expect(
-        clippy::too_many_lines,
-        reason = "one arm for each opcode that is allowed"
-    )]
     fn step(&mut self) -> Result<Option<Id>, String> {
-        match self.take::<1>()?[0] {
-            0x80 => {
+        let [opcode] = self.take()?;
+        match opcode {
+            opcode::PROTO => {
                 let [protocol] = self.take()?;
                 if !(2..=5).contains(&protocol) {
                     return Err(format!("protocol {protocol} is not read"));
                 }
             }
-            0x95 => drop(self.take::<8>()?),
-            b'.' => return self.pop().map(Some),
-            b'(' => self.marks.push(self.stack.len()),
-            0x94 => self.remember(self.memo.len())?,
-            b'q' => {
-                let [slot] = self.take()?;
-                self.remember(slot.into())?;
-            }
-            b'r' => {
-                let slot = u32::from_le_bytes(self.take()?) as usize;
+            opcode::FRAME => drop(self.take::<8>()?),
+            opcode::STOP => return self.pop().map(Some),
+
+            opcode::MEMOIZE => self.remember(self.memo.len())?,
+            opcode::BINPUT => {
+                let slot = self.unsigned::<1>()?;
                 self.remember(slot)?;
             }
-            b'h' => {
-                let [slot] = self.take()?;
-                self.recall(slot.into())?;
+            opcode::LONG_BINPUT => {
+                let slot = self.unsigned::<4>()?;
+                self.remember(slot)?;
             }
-            b'j' => {
-                let slot = u32::from_le_bytes(self.take()?) as usize;
+            opcode::BINGET => {
+                let slot = self.unsigned::<1>()?;
                 self.recall(slot)?;
             }
-            b'N' => self.push(Value::None)?,
-            0x88 => self.push(Value::Bool(true))?,
-            0x89 => self.push(Value::Bool(false))?,
-            b'J' => {
-                let number = i32::from_le_bytes(self.take()?);
-                self.push(Value::Number(number.into()))?;
+            opcode::LONG_BINGET => {
+                let slot = self.unsigned::<4>()?;
+                self.recall(slot)?;
             }
-            b'K' => {
-                let [number] = self.take()?;
-                self.push(Value::Number(number.into()))?;
-            }
-            b'M' => {
-                let number = u16::from_le_bytes(self.take()?);
-                self.push(Value::Number(number.into()))?;
-            }
-            0x8a => {
-                let [length] = self.take()?;
-                let number = long(self.slice(length.into())?)?;
-                self.push(Value::Number(number))?;
-            }
-            b'G' => {
-                let number = f64::from_be_bytes(self.take()?);
-                self.push(Value::Number(number))?;
-            }
-            0x8c => {
-                let [length] = self.take()?;
-                self.text(length.into())?;
-            }
-            b'X' => {
-                let length = u32::from_le_bytes(self.take()?);
-                self.text(length as usize)?;
-            }
-            b'C' => {
-                let [length] = self.take()?;
-                let bytes = self.slice(length.into())?.to_vec();
-                self.push(Value::Bytes(bytes))?;
-            }
-            b'B' => {
-                let length = u32::from_le_bytes(self.take()?);
-                let bytes = self.slice(length as usize)?.to_vec();
-                self.push(Value::Bytes(bytes))?;
-            }
-            0x96 => {
-                let length = u64::from_le_bytes(self.take()?);
-                let length = usize::try_from(length).map_err(|_| "the file is cut off")?;
-                let bytes = self.slice(length)?.to_vec();
-                self.push(Value::Bytes(bytes))?;
-            }
-            b']' | b')' => self.push(Value::List(Vec::new()))?,
-            b'a' => {
+
+            opcode::MARK => self.marks.push(self.stack.len()),
+            opcode::APPEND => {
                 let item = self.pop()?;
                 self.append(vec![item])?;
             }
-            b'e' => {
+            opcode::APPENDS => {
                 let items = self.pop_to_mark()?;
                 self.append(items)?;
             }
-            b't' => {
-                let items = self.pop_to_mark()?;
-                self.push(Value::List(items))?;
-            }
-            count @ 0x85..=0x87 => {
-                let count = usize::from(count - 0x84);
-                let from = self.above(count)?;
-                let items = self.stack.split_off(from);
-                self.push(Value::List(items))?;
-            }
-            b'}' => self.push(Value::Dict(Vec::new()))?,
-            b's' => {
-                let from = self.above(2)?;
-                let items = self.stack.split_off(from);
+            opcode::SETITEM => {
+                let items = self.pop_last(2)?;
                 self.set(&items)?;
             }
-            b'u' => {
+            opcode::SETITEMS => {
                 let items = self.pop_to_mark()?;
                 self.set(&items)?;
             }
-            b'c' => {
-                let (module, name) = (self.line()?, self.line()?);
-                self.push(Value::Known(known(&module, &name)?))?;
-            }
-            0x93 => {
-                let (name, module) = (self.pop()?, self.pop()?);
-                let (Value::Text(module), Value::Text(name)) =
-                    (&self.values[module], &self.values[name])
-                else {
-                    return Err("the name of a function is no text".to_owned());
-                };
-                let known = known(module, name)?;
-                self.push(Value::Known(known))?;
-            }
-            b'R' => {
-                let (arguments, function) = (self.pop()?, self.pop()?);
-                let made = self.reduce(function, arguments)?;
-                self.push(made)?;
-            }
-            b'b' => {
+            opcode::BUILD => {
                 let state = self.pop()?;
                 let object = self.pop()?;
                 let built = self.build(object, state)?;
                 self.values[object] = built;
                 self.stack.push(object);
             }
+            _ => {
+                let value = self.made(opcode)?;
+                self.push(value)?;
+            }
+        }
+        Ok(None)
+    }
+
+    /// The new value that an instruction makes.
+    fn made(&mut self, opcode: u8) -> Result<Value, String> {
+        Ok(match opcode {
+            opcode::NONE => Value::None,
+            opcode::NEWTRUE => Value::Bool(true),
+            opcode::NEWFALSE => Value::Bool(false),
+
+            opcode::BININT => Value::Number(i32::from_le_bytes(self.take()?).into()),
+            opcode::BININT1 => Value::Number(u8::from_le_bytes(self.take()?).into()),
+            opcode::BININT2 => Value::Number(u16::from_le_bytes(self.take()?).into()),
+            opcode::BINFLOAT => Value::Number(f64::from_be_bytes(self.take()?)),
+            opcode::LONG1 => {
+                let length = self.unsigned::<1>()?;
+                Value::Number(long(self.slice(length)?)?)
+            }
+
+            opcode::SHORT_BINUNICODE => Value::Text(self.text::<1>()?),
+            opcode::BINUNICODE => Value::Text(self.text::<4>()?),
+            opcode::SHORT_BINBYTES => Value::Bytes(self.counted::<1>()?.to_vec()),
+            opcode::BINBYTES => Value::Bytes(self.counted::<4>()?.to_vec()),
+            opcode::BYTEARRAY8 => Value::Bytes(self.counted::<8>()?.to_vec()),
+
+            opcode::EMPTY_LIST | opcode::EMPTY_TUPLE => Value::List(Vec::new()),
+            opcode::EMPTY_DICT => Value::Dict(Vec::new()),
+            opcode::TUPLE => Value::List(self.pop_to_mark()?),
+            opcode::TUPLE1..=opcode::TUPLE3 => {
+                Value::List(self.pop_last(usize::from(opcode - opcode::TUPLE1) + 1)?)
+            }
+
+            opcode::GLOBAL => {
+                let (module, name) = (self.line()?, self.line()?);
+                Value::Known(known(&module, &name)?)
+            }
+            opcode::STACK_GLOBAL => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                let (Value::Text(module), Value::Text(name)) =
+                    (&self.values[module], &self.values[name])
+                else {
+                    return Err("the name of a function is no text".to_owned());
+                };
+                Value::Known(known(module, name)?)
+            }
+            opcode::REDUCE => {
+                let (arguments, function) = (self.pop()?, self.pop()?);
+                self.reduce(function, arguments)?
+            }
             other => {
                 return Err(format!(
                     "the instruction {other:#04x} is not on the list of those that lists of pairs need"
                 ));
             }
-        }
-        Ok(None)
+        })
     }
 
     fn take<const N: usize>(&mut self) -> Result<[u8; N], String> {
@@ -288,11 +257,23 @@ impl Machine<'_> {
         Ok(String::from_utf8_lossy(&line[..line.len() - 1]).into_owned())
     }
 
-    fn text(&mut self, length: usize) -> Result<(), String> {
-        let text = std::str::from_utf8(self.slice(length)?).map_err(|_| "text is not UTF-8")?;
-        let text = text.to_owned();
-        self.push(Value::Text(text))?;
-        Ok(())
+    /// An unsigned integer of N bytes, little-endian.
+    fn unsigned<const N: usize>(&mut self) -> Result<usize, String> {
+        let mut wide = [0; 8];
+        wide[..N].copy_from_slice(&self.take::<N>()?);
+        usize::try_from(u64::from_le_bytes(wide)).map_err(|_| "the file is cut off".to_owned())
+    }
+
+    /// Bytes that follow their number, which has N bytes.
+    fn counted<const N: usize>(&mut self) -> Result<&[u8], String> {
+        let length = self.unsigned::<N>()?;
+        self.slice(length)
+    }
+
+    /// Text that follows the number of its bytes, which has N bytes.
+    fn text<const N: usize>(&mut self) -> Result<String, String> {
+        let text = std::str::from_utf8(self.counted::<N>()?).map_err(|_| "text is not UTF-8")?;
+        Ok(text.to_owned())
     }
 
     fn push(&mut self, value: Value) -> Result<(), String> {
@@ -308,6 +289,12 @@ impl Machine<'_> {
     fn pop(&mut self) -> Result<Id, String> {
         let from = self.above(1)?;
         Ok(self.stack.remove(from))
+    }
+
+    /// The last `count` items of the stack, in their order.
+    fn pop_last(&mut self, count: usize) -> Result<Vec<Id>, String> {
+        let from = self.above(count)?;
+        Ok(self.stack.split_off(from))
     }
 
     /// The height of the stack below its last `count` items, which must be above the last mark.
