@@ -510,6 +510,32 @@ mod tests {
     }
 
     #[test]
+    fn the_selection_of_a_matcher_depends_on_its_seed_only_if_it_says_so() {
+        let (a, b) = (textured(0), textured(1));
+        let mut random = Vec::new();
+        for entry in MATCHERS {
+            let matcher = with_few_views(*entry).matcher;
+            let (of_a, of_b) = (matcher.extract(&a).unwrap(), matcher.extract(&b).unwrap());
+            let putative = matcher.search(&of_a, &of_b).unwrap();
+            let view = |features, image| View {
+                features,
+                image: Some(image),
+                camera: None,
+            };
+            let select = |seed| {
+                let (a, b) = (view(&of_a, &a), view(&of_b, &b));
+                matcher.select(a, b, putative.clone(), seed).unwrap()
+            };
+            if matcher.uses_seed() {
+                random.push(entry.id());
+            } else {
+                assert_eq!(select(Seed(1)), select(Seed(2)), "{}", entry.id());
+            }
+        }
+        assert_eq!(random, ["code", "repmatch"]);
+    }
+
+    #[test]
     fn every_matcher_is_found_by_its_name() {
         for entry in MATCHERS {
             assert_eq!(

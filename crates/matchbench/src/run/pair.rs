@@ -131,8 +131,9 @@ impl PairDone {
 impl PairStages<'_> {
     /// Does all tasks that are due of a pair of images whose features are known.
     ///
-    /// The search is done once. Each repetition selects anew, since a selector may draw random
-    /// numbers; all estimators get the same selected matches. Where these are `stored`, nothing is searched.
+    /// The search is done once, and so is the selection unless it [uses its seed](Matcher::uses_seed); then each
+    /// repetition selects anew. All estimators get the same selected matches. Where these are `stored`, nothing is
+    /// searched.
     ///
     /// # Errors
     /// If what is stored cannot be read.
@@ -163,20 +164,27 @@ impl PairStages<'_> {
         let repeated_by_depth =
             (truth.readable_depth().zip(found)).map(|(depth, (a, b))| depth.repeated(a, b));
         let mut done = PairDone::of(&truth, job.due.len());
+        let uses_seed = matcher.matcher.uses_seed();
+        let last = job.due.last().map(|due| due.repetition);
+        let mut shared = None;
         for due in by_repetition(job.due) {
             let repetition = due[0].repetition;
-            let selected = match &searched {
-                None => {
+            let selected = match (&searched, shared.take()) {
+                (None, _) => {
                     let matches = stored.read((job.pair.a, job.pair.b, repetition))?;
                     let matches = matches.expect("they are stored");
                     counts = matches.counts;
                     Ok(matches)
                 }
-                Some(searched) => (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
-                    let seed = self.seed(job.pair, repetition);
-                    self.select(matcher, job.pair, searched, seed, &mut counts, &mut times)
-                }),
+                (Some(_), Some(selected)) => selected,
+                (Some(searched), None) => {
+                    (searched.as_ref().map_err(Clone::clone)).and_then(|searched| {
+                        let seed = self.seed(job.pair, repetition);
+                        self.select(matcher, job.pair, searched, seed, &mut counts, &mut times)
+                    })
+                }
             };
+            shared = (!uses_seed && last != Some(repetition)).then(|| selected.clone());
             // Whoever comes next finds these results ready, and so without a time.
             let times = mem::take(&mut times);
             let first = done.records.len();

@@ -115,8 +115,10 @@ pub(super) enum Trouble {
 pub(super) struct Toy {
     pub(super) threshold: u8,
     pub(super) uses_pixels: bool,
+    pub(super) uses_seed: bool,
     pub(super) trouble: Trouble,
     pub(super) extractions: Arc<AtomicUsize>,
+    pub(super) selections: Arc<AtomicUsize>,
 }
 
 impl Default for Toy {
@@ -124,8 +126,10 @@ impl Default for Toy {
         Self {
             threshold: 64,
             uses_pixels: false,
+            uses_seed: true,
             trouble: Trouble::None,
             extractions: Arc::default(),
+            selections: Arc::default(),
         }
     }
 }
@@ -209,6 +213,7 @@ impl Matcher for Toy {
         mut putative: Correspondences,
         seed: Seed,
     ) -> Result<Correspondences, MatcherError> {
+        self.selections.fetch_add(1, Ordering::Relaxed);
         assert_ne!(self.trouble, Trouble::PanicInSelection, "as the test wants");
         assert_eq!(
             (a.image.is_some(), b.image.is_some()),
@@ -217,13 +222,17 @@ impl Matcher for Toy {
         if self.trouble == Trouble::MatchOfNothing {
             putative[3].b = 1000;
         }
-        let mut rng = seed.rng();
+        let mut rng = if self.uses_seed { seed } else { Seed(0) }.rng();
         putative.retain(|_| rng.below(4) > 0);
         Ok(putative)
     }
 
     fn uses_pixels(&self) -> bool {
         self.uses_pixels
+    }
+
+    fn uses_seed(&self) -> bool {
+        self.uses_seed
     }
 }
 

@@ -5,6 +5,7 @@ mod faults;
 mod homographies;
 mod outside;
 mod pixels;
+mod selection;
 mod shards;
 mod share;
 

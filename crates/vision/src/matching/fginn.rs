@@ -75,6 +75,10 @@ impl Selector for Fginn {
         }
         self.ratio.select(a, b, matches, seed);
     }
+
+    fn uses_seed(&self) -> bool {
+        self.ratio.uses_seed()
+    }
 }
 
 /// The places of the features of `b`.

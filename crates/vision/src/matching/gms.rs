@@ -140,6 +140,10 @@ impl Selector for Gms {
         let kept = self.mask(&at_a, a.features.size, &at_b, b.features.size);
         retain_masked(matches, &kept);
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 /// Means "no cell".

@@ -16,6 +16,10 @@ impl Selector for MutualCheck {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
         keep_mutual(a, b, matches, |_| ());
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 /// Keeps a match if its feature of `a` is the nearest to its feature of `b`, and if the match from `b` to `a`

@@ -94,6 +94,10 @@ impl Matcher for Pipeline {
         self.selectors.iter().any(|selector| selector.uses_pixels())
     }
 
+    fn uses_seed(&self) -> bool {
+        self.selectors.iter().any(|selector| selector.uses_seed())
+    }
+
     fn extraction_memory(&self, size: Size) -> usize {
         self.extractor.memory(size)
     }

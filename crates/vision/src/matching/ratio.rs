@@ -56,6 +56,10 @@ impl Selector for RatioTest {
     fn ratio(&self) -> Option<f32> {
         Some(self.ratio)
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 #[cfg(test)]

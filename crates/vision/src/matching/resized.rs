@@ -135,6 +135,10 @@ impl Matcher for Resized {
         self.matcher.uses_pixels()
     }
 
+    fn uses_seed(&self) -> bool {
+        self.matcher.uses_seed()
+    }
+
     fn extraction_memory(&self, size: Size) -> usize {
         let target = self.size_for(size);
         // The image is copied, and halved, before it is small.

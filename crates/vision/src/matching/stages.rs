@@ -80,6 +80,12 @@ pub trait Matcher: Send + Sync {
         false
     }
 
+    /// Whether [`Matcher::select`] or [`Matcher::place`] uses its seed. If not, all repetitions of a pair share one
+    /// selection. CODE and RepMatch draw random numbers.
+    fn uses_seed(&self) -> bool {
+        true
+    }
+
     /// About how many bytes of memory [`Matcher::extract`] needs for an image of this `size`. With it, an image
     /// that would not fit into memory is refused beforehand. 0 if it is not known.
     fn extraction_memory(&self, _size: Size) -> usize {
@@ -159,5 +165,10 @@ pub trait Selector: Send + Sync {
     /// Whether it needs [`View::image`].
     fn uses_pixels(&self) -> bool {
         false
+    }
+
+    /// Whether what it keeps depends on the seed. If not, it may be asked once for several seeds.
+    fn uses_seed(&self) -> bool {
+        true
     }
 }

@@ -42,6 +42,10 @@ impl Selector for SymmetricRatioTest {
     fn ratio(&self) -> Option<f32> {
         self.one_way.ratio()
     }
+
+    fn uses_seed(&self) -> bool {
+        self.one_way.uses_seed()
+    }
 }
 
 #[cfg(test)]

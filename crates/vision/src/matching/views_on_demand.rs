@@ -77,6 +77,10 @@ impl Selector for ViewsOnDemand {
             self.of_views.select(a, b, matches, seed);
         }
     }
+
+    fn uses_seed(&self) -> bool {
+        self.of_images.uses_seed() || self.of_views.uses_seed()
+    }
 }
 
 #[cfg(test)]

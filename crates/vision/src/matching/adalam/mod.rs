@@ -232,6 +232,10 @@ impl Selector for Adalam {
         let kept = self.mask(a.features, b.features, matches, mutual.as_deref());
         retain_masked(matches, &kept);
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 /// Radius of the circle that covers `1 / area_ratio` of an image, in pixels.

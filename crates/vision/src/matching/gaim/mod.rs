@@ -202,6 +202,10 @@ impl Selector for Gaim {
         self.keep_consistent(a, b, matches);
         self.keep_smooth(a, b, matches);
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 #[cfg(test)]

@@ -182,6 +182,10 @@ impl Selector for Kvld {
     fn uses_pixels(&self) -> bool {
         true
     }
+
+    fn uses_seed(&self) -> bool {
+        false
+    }
 }
 
 #[cfg(test)]

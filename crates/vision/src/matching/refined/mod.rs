@@ -113,6 +113,10 @@ impl Matcher for Refined {
         true
     }
 
+    fn uses_seed(&self) -> bool {
+        self.matcher.uses_seed()
+    }
+
     fn extraction_memory(&self, size: Size) -> usize {
         self.matcher.extraction_memory(size)
     }
