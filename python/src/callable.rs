@@ -11,12 +11,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use matchbench::datasets::read_gray;
+use matchbench::datasets::{read_gray, read_planes};
 use matchbench::external::is_inside;
 use matchbench::matchers::{
     BuiltPointSource, ImageFiles, MAX_MATCHES, PointSource, SourceError, SourceSeconds,
     SourcedMatches,
 };
+use matchbench::records::IN_PYTHON;
 use matchbench::run::Cancel;
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
@@ -27,7 +28,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError, PyValueEr
 use pyo3::prelude::*;
 
 use crate::arrays::{column, points};
-use crate::datasets::pixels;
+use crate::datasets::{pixels, rgb_pixels};
 use crate::matchers::Matches;
 use crate::params::parse;
 
@@ -46,6 +47,8 @@ pub(crate) struct PythonMatcher {
     pub(crate) matching: Py<PyAny>,
     /// Called with an image, if features are found first.
     pub(crate) extract: Option<Py<PyAny>>,
+    /// Whether images are RGB.
+    pub(crate) color: bool,
 }
 
 impl PythonMatcher {
@@ -59,10 +62,11 @@ impl PythonMatcher {
             version: Some(self.version),
             command: None,
             params: parse(&self.params)?,
-            notes: vec!["a matcher written in Python, in the process of the run".into()],
+            notes: vec![IN_PYTHON.into()],
             source: Box::new(InProcess {
                 matching: self.matching,
                 extract: self.extract,
+                color: self.color,
                 known: Mutex::default(),
                 cancel: cancel.clone(),
             }),
@@ -73,6 +77,7 @@ impl PythonMatcher {
 struct InProcess {
     matching: Py<PyAny>,
     extract: Option<Py<PyAny>>,
+    color: bool,
     /// Features and sizes of the images that were used last.
     known: Mutex<VecDeque<(PathBuf, Py<PyAny>, Size)>>,
     cancel: Cancel,
@@ -111,10 +116,20 @@ impl PointSource for InProcess {
 impl InProcess {
     /// The pixels of an image, as an array, and its size.
     fn pixels(&self, path: &Path) -> Result<(Py<PyAny>, Size), SourceError> {
-        let image = read_gray(path).map_err(|error| SourceError::Pair(error.to_string()))?;
+        let planes = if self.color {
+            read_planes(path)
+        } else {
+            read_gray(path).map(|image| vec![image])
+        };
+        let planes = planes.map_err(|error| SourceError::Pair(error.to_string()))?;
         Python::attach(|py| {
-            let array = pixels(py, &image).map_err(|error| self.said(py, &error))?;
-            Ok((array.unbind(), image.size()))
+            let array = if self.color {
+                rgb_pixels(py, &planes)
+            } else {
+                pixels(py, &planes[0])
+            };
+            let array = array.map_err(|error| self.said(py, &error))?;
+            Ok((array.unbind(), planes[0].size()))
         })
     }
 

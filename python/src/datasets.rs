@@ -228,3 +228,19 @@ pub(crate) fn pixels<'py>(py: Python<'py>, image: &GrayImage) -> PyResult<Bound<
     let Size { width, height } = image.size();
     matrix(py, image.data().to_vec(), [height, width])
 }
+
+/// The planes of an image (grey, or red, green and blue) as an array, height x width x 3.
+pub(crate) fn rgb_pixels<'py>(
+    py: Python<'py>,
+    planes: &[GrayImage],
+) -> PyResult<Bound<'py, PyAny>> {
+    let Size { width, height } = planes[0].size();
+    let mut rgb = vec![0; 3 * width * height];
+    for channel in 0..3 {
+        let plane = planes.get(channel).unwrap_or(&planes[0]).data();
+        for (value, pixel) in plane.iter().zip(rgb.chunks_exact_mut(3)) {
+            pixel[channel] = *value;
+        }
+    }
+    matrix(py, rgb, [height, width, 3])
+}

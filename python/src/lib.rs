@@ -54,6 +54,9 @@ mod native {
     #[pymodule_export]
     use crate::scores::{evaluate, report};
 
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+
     /// Applies the limits from the environment as the program does, and remembers the process.
     #[pymodule_init]
     fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {

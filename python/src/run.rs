@@ -2,14 +2,16 @@
 //! Ctrl-C and shows the progress.
 
 use std::ffi::OsString;
+use std::iter;
 use std::num::{NonZeroU32, NonZeroUsize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
 use matchbench::cache::FeatureCache;
 use matchbench::config::Changes;
+use matchbench::counted::counted;
 use matchbench::estimators::{self, BuiltEstimator};
 use matchbench::external;
 use matchbench::records::{KeepMatches, RunFolder, Settings};
@@ -35,8 +37,8 @@ pub(crate) enum AnyMatcher<'py> {
     Name(String),
     /// A matcher of the library.
     Native(Bound<'py, Matcher>),
-    /// Written in Python: name, version, parameters as JSON, `match`, `extract`.
-    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>),
+    /// Written in Python: name, version, parameters as JSON, `match`, `extract`, whether images are in colour.
+    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>, bool),
 }
 
 /// An estimator of a run.
@@ -64,7 +66,8 @@ impl AnyEstimator<'_> {
 type Tasks = (usize, usize, usize, usize);
 
 /// Runs everything that is not yet recorded in the folder `out`. Returns the numbers of tasks (in the plan,
-/// recorded before, recorded now, failed), and the matchers that could not be started or gave up.
+/// recorded before, recorded now, failed), and warnings: matchers that could not be started or gave up, and why tasks
+/// failed.
 #[pyfunction]
 #[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, sample, time_budget_ms,
                     keep_matches, retry_failed, cache, threads, progress))]
@@ -129,6 +132,9 @@ pub(crate) fn run(
     let observer = Progress::default();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
     absent.extend(observer.state().ended);
+    if summary.failed > 0 {
+        absent.extend(reasons(&out, &summary));
+    }
     let RunSummary {
         total,
         before,
@@ -141,6 +147,29 @@ pub(crate) fn run(
         return Err(PyRuntimeError::new_err(message));
     }
     Ok(((total, before, now, failed), absent))
+}
+
+/// Reasons of failures that are told.
+const REASONS: usize = 5;
+
+/// How many tasks of the run in the folder `out` failed, and the most frequent reasons.
+fn reasons(out: &Path, summary: &RunSummary) -> Vec<String> {
+    let failed = format!(
+        "{} of {} failed and count as wrong",
+        summary.failed,
+        counted(summary.total, "task")
+    );
+    // The run is done; that its reasons cannot be read takes nothing from it.
+    let broken = RunFolder::open(out).ok().and_then(|run| run.broken().ok());
+    let reasons = broken.unwrap_or_default().into_iter().take(REASONS);
+    let reasons = reasons.map(|broken| {
+        let tasks = counted(broken.tasks, "task");
+        format!(
+            "{tasks} of {} on {}: {}",
+            broken.matcher, broken.dataset, broken.reason
+        )
+    });
+    iter::once(failed).chain(reasons).collect()
 }
 
 /// The contenders: first those given by name, then those written in Python, then those given as objects, each
@@ -158,13 +187,14 @@ fn contenders(
         match matcher {
             AnyMatcher::Name(name) => names.push(name),
             AnyMatcher::Native(matcher) => natives.push(matcher.get().rebuild()?),
-            AnyMatcher::Python(name, version, params, matching, extract) => {
+            AnyMatcher::Python(name, version, params, matching, extract, color) => {
                 let matcher = PythonMatcher {
                     name,
                     version,
                     params,
                     matching,
                     extract,
+                    color,
                 };
                 sources.push(matcher.into_source(cancel)?);
             }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use matchbench::metrics::{SCORES, Summary, load_run};
+use matchbench::metrics::{SCORES, Summary, doubts, load_run, unfinished};
 use matchbench::records::RunFolder;
 use matchbench::report::{Content, ReportOptions, RunFacts, of_run, verdicts};
 use numpy::PyArray1;
@@ -13,16 +13,18 @@ use crate::detached::detached;
 use crate::errors::error;
 use crate::integers::whole;
 
-/// One row per dataset, matcher and estimator, as a dict of columns; and sentences that say which is best.
+/// One row per dataset, matcher and estimator, as a dict of columns; sentences that say which is best; and warnings.
 #[pyfunction]
 pub(crate) fn evaluate(
     py: Python<'_>,
     folder: PathBuf,
-) -> PyResult<(Bound<'_, PyDict>, Vec<String>)> {
-    let content = detached(py, || {
+) -> PyResult<(Bound<'_, PyDict>, Vec<String>, Vec<String>)> {
+    let (content, warnings) = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let sets = load_run(&run, None).map_err(error)?;
-        Ok::<_, PyErr>(Content::new(sets, RunFacts::default()))
+        let mut warnings = unfinished(run.plan(), &sets);
+        warnings.extend(doubts(&run, &sets).map_err(error)?);
+        Ok::<_, PyErr>((Content::new(sets, RunFacts::default()), warnings))
     })??;
     let columns = PyDict::new(py);
     let rows = &content.summaries;
@@ -61,7 +63,7 @@ pub(crate) fn evaluate(
             )?;
         }
     }
-    Ok((columns, verdicts(&content.leads)))
+    Ok((columns, verdicts(&content.leads), warnings))
 }
 
 /// Writes the report of a run; returns the path of its page and what is missing in it.

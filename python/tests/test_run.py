@@ -1,7 +1,9 @@
 """Runs from Python: matchers written there, Ctrl-C, tables, reports."""
 
 import _thread
+import functools
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +15,7 @@ import matchbench as mb
 import numpy as np
 import pytest
 from conftest import stored_matches
+from matchbench._versions import version_of
 
 
 def by_orb(image_a, image_b):
@@ -101,12 +104,94 @@ def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_p
     assert "test_run.py:" in outcomes(mb.run(dataset, [answers["out of luck"]], ["best"], out=tmp_path / "0",
                                              limit=1, progress=False), "one")[0]["reason"]  # fmt: skip
 
+    with pytest.warns(UserWarning, match="out of luck"):
+        mb.run(dataset, [answers["out of luck"]], ["best"], out=tmp_path / "0", limit=1, progress=False)
+
     def mended(a, b):
         return by_orb(a, b)
 
     mended.__name__ = "one"
+    with pytest.raises(mb.Error, match="code of the matcher was changed"):
+        mb.run(dataset, [mended], ["best"], out=tmp_path / "0", limit=1, progress=False)
+    plan = json.loads((tmp_path / "0" / "plan.json").read_text())
+    mended.version = plan["matchers"][0]["version"]  # the other results stay as they are
     run = mb.run(dataset, [mended], ["best"], out=tmp_path / "0", limit=1, progress=False)
     assert run.failed == 0 and outcomes(run, "one")[0]["kind"] == "pose"
+
+
+def test_other_code_is_another_version():
+    def one(ratio, words=("a", 1.5), names=frozenset({"x", "y"})):
+        return lambda a, b: (ratio, a, words, len(names))
+
+    def other(ratio, words=("a", 1.5), names=frozenset({"x", "y"})):
+        return lambda a, b: (ratio, b, words, len(names))
+
+    class Staged:
+        def __init__(self, size):
+            self.size = size
+
+        def extract(self, image):
+            return image[: self.size]
+
+        def match(self, a, b):
+            return a, b
+
+    class Inverse(Staged):
+        def match(self, a, b):
+            return b, a
+
+    assert version_of(one(0.5)) == version_of(one(0.5)) != version_of(one(0.6))
+    versions = [version_of(given) for given in (one(0.5), other(0.5), one, other, Staged(3), Inverse(3))]
+    assert len(set(versions)) == len(versions) and all(version.startswith("code ") for version in versions)
+    assert version_of(Staged(3)) == version_of(Staged(4).match.__self__)
+    assert version_of(functools.partial(one, 1)) != version_of(functools.partial(one, 2))
+    stated = one(0.5)
+    stated.version = 2
+    assert version_of(stated) == "2"
+
+
+def test_a_version_does_not_depend_on_the_process():
+    code = """
+from matchbench._versions import version_of
+def matcher(a, b, names=frozenset(("x", "y", "z"))):
+    return a if b in {"one", "two", "three"} else sorted(names)
+print(version_of(matcher))
+"""
+    def printed(seed):
+        environment = os.environ | {"PYTHONHASHSEED": seed}
+        return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True).stdout
+
+    assert printed("1") == printed("2")
+
+
+def test_a_matcher_may_see_colours(tmp_path):
+    gradient = np.dstack(np.broadcast_arrays(np.arange(64), np.arange(48)[:, None], 255 - np.arange(64))).astype(np.uint8)
+    (tmp_path / "images").mkdir()
+    for number in range(2):
+        header = f"P6 64 48 255\n".encode()
+        (tmp_path / "images" / f"{number}.ppm").write_bytes(header + gradient.tobytes())
+    (tmp_path / "camera.txt").write_text("50 0 32\n0 50 24\n0 0 1\n")
+    (tmp_path / "poses.txt").write_text("0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n")
+    seen = []
+
+    def by_colour(a, b):
+        seen.append(a)
+        raise RuntimeError("enough")
+
+    by_colour.color = True
+    dataset = mb.import_dataset("folder", tmp_path, tmp_path / "out", pairs="all")
+    with pytest.warns(UserWarning, match="enough"):
+        mb.run(dataset, by_colour, ["best"], out=tmp_path / "run", progress=False)
+    assert np.array_equal(seen[0], gradient)
+
+
+def test_evaluate_warns_of_a_run_that_is_not_finished(dataset, tmp_path):
+    run = mb.run(dataset, "orb", ["best"], out=tmp_path / "run", progress=False)
+    (records,) = (run.path / "records").rglob("*.jsonl")
+    lines = records.read_text().splitlines(keepends=True)
+    records.write_text("".join(lines[:-1]))
+    with pytest.warns(UserWarning, match="1 of"):
+        mb.evaluate(run)
 
 
 def test_an_interrupt_loses_nothing(dataset, tmp_path):

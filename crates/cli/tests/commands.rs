@@ -315,7 +315,7 @@ fn validate_names_file_and_line_and_remedy() {
     fs::write(wall.join("Images/0001.pgm"), "P5 160 120 255\n").expect("writable");
     let output = run(&["validate", &path]);
     let out = text(&output.stdout);
-    assert_eq!(output.status.code(), Some(1), "{out}");
+    assert_eq!(output.status.code(), Some(2), "{out}");
     for expected in ["pairs.txt:2:", "pairs.txt:4:", "0001.pgm"] {
         assert!(out.contains(expected), "{expected} is not in\n{out}");
     }

@@ -334,6 +334,27 @@ fn ctrl_c_ends_the_program_also_where_nothing_is_to_be_finished_and_while_it_sta
 }
 
 #[test]
+fn why_tasks_failed_is_said_at_the_end_of_a_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let (manifest, home) = toy(folder.path());
+    let refuse = r#"
+pair=${line#*\"pair\":}
+echo '{"type":"failed","pair":'"${pair%%]*}"'],"reason":"out of memory"}'
+continue
+"#;
+    fs::write(home.join("break"), refuse).expect("writable");
+    let toy = manifest.to_str().expect("UTF-8");
+    let run = folder.path().join("run");
+    let broken = output(&["run", "--matchers", toy, "--out"], &[&run, &wall]);
+    assert_eq!(broken.status.code(), Some(2), "{}", said(&broken));
+    let message = said(&broken);
+    assert!(message.contains("3 tasks FAILED"), "{message}");
+    assert!(message.contains("3 tasks of toy on wall: "), "{message}");
+    assert!(message.contains("out of memory"), "{message}");
+}
+
+#[test]
 fn a_matcher_that_ends_while_the_user_stops_the_run_hides_nothing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 4);

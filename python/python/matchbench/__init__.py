@@ -35,6 +35,7 @@ from ._features import (
     ShearedSURF,
 )
 from ._matchers import Matcher, matcher
+from ._native import VERSION as __version__
 from ._native import (
     Camera,
     Dataset,

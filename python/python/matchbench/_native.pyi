@@ -331,7 +331,7 @@ def read_gray(path: _Path) -> NDArray[np.uint8]:
 
 def run(
     datasets: Sequence[Dataset],
-    matchers: Sequence[str | Matcher | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None]],
+    matchers: Sequence[str | Matcher | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None, bool]],
     estimators: Sequence[str | Estimator],
     out: _Path,
     settings: Sequence[str],
@@ -349,8 +349,9 @@ def run(
 def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
     """The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run."""
 
-def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[str]]: ...
+def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[str], list[str]]: ...
 def report(
     folder: _Path, out: _Path | None, bundle: _Path | None, pictures: int
 ) -> tuple[os.PathLike[str], list[str]]: ...
+VERSION: str
 def command_line(arguments: Sequence[str]) -> int: ...

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ._matchers import Matcher
-from ._native import Dataset, Estimator
+from ._native import Dataset, Error, Estimator
 from ._native import report as native_report
 from ._native import run as native_run
 from ._params import several, to_json
 from ._progress import shown
+from ._versions import version_of
 
 _Path = str | os.PathLike[str]
 
@@ -28,7 +29,7 @@ class Run:
     now: int
     """Tasks that this call recorded."""
     failed: int
-    """Recorded tasks that failed; they count as wrong, and their records say why."""
+    """Recorded tasks that failed; they count as wrong. `run` warns of the most frequent reasons."""
 
     @property
     def is_complete(self) -> bool:
@@ -59,11 +60,12 @@ def run(
 
     A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, or
     Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
-    Images are grey arrays; the result is `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or
-    `Matches`. Its name in tables is `name`, or that of the function or class; `version` and `params` are
-    recorded if it has them. It may be called from several threads, one at a time unless it releases the
-    interpreter. If it raises an exception, the pair failed; it is tried again when this call is repeated.
-    `retry_failed` tries everything again that failed.
+    Images are grey arrays (height x width), or RGB (height x width x 3) if it has `color = True`; the result is
+    `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. Its name in tables is `name`, or that of
+    the function or class; `params` are recorded if it has them, and so is `version`. Without one, a digest of its code
+    is its version, so a run that was begun with other code is refused; what the code calls elsewhere is not seen.
+    It may be called from several threads, one at a time unless it releases the interpreter. If it raises an exception,
+    the pair failed; it is tried again when this call is repeated. `retry_failed` tries everything again that failed.
 
     Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and a matcher
     written in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, matchers
@@ -89,25 +91,31 @@ def run(
             raise ValueError(f"{name}: {count}, must be at least 1")
     opened = [each if isinstance(each, Dataset) else Dataset.open(each) for each in datasets]
     with shown(progress) as bar:
-        tasks, absent = native_run(
-            opened,
-            contenders,
-            judges,
-            out,
-            several(settings),
-            seed,
-            repeat,
-            limit,
-            sample,
-            time_budget_ms,
-            keep_matches,
-            retry_failed,
-            cache,
-            threads,
-            bar,
-        )
-    for reason in absent:
-        warnings.warn(reason, stacklevel=2)
+        try:
+            tasks, notes = native_run(
+                opened,
+                contenders,
+                judges,
+                out,
+                several(settings),
+                seed,
+                repeat,
+                limit,
+                sample,
+                time_budget_ms,
+                keep_matches,
+                retry_failed,
+                cache,
+                threads,
+                bar,
+            )
+        except Error as error:
+            if '].version` is "code ' not in str(error):
+                raise
+            remedy = "choose another `out`, or set its `version` to the one there if its results are the same"
+            raise Error(f"{error}. The code of the matcher was changed: {remedy}") from None
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
     return Run(Path(out), *tasks)
 
 
@@ -159,5 +167,5 @@ def _any_matcher(given: Any) -> Any:
             f"extract and match; this is {type(given).__name__}"
         )
     name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
-    version = str(getattr(given, "version", "unversioned"))
-    return (str(name), version, to_json(getattr(given, "params", {})), matching, extract)
+    color = bool(getattr(given, "color", False))
+    return (str(name), version_of(given), to_json(getattr(given, "params", {})), matching, extract, color)

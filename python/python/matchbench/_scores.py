@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import warnings
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -57,8 +58,10 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
 
 
 def evaluate(run: Run | str | os.PathLike[str]) -> Scores:
-    """The scores of a run, from its folder."""
-    columns, verdicts = native_evaluate(run.path if isinstance(run, Run) else Path(run))
+    """The scores of a run, from its folder. It warns if the run is not finished, or if the truth of a dataset looks wrong."""
+    columns, verdicts, doubts = native_evaluate(run.path if isinstance(run, Run) else Path(run))
+    for doubt in doubts:
+        warnings.warn(doubt, stacklevel=2)
     scores = Scores(columns)
     scores.verdicts = verdicts
     return scores

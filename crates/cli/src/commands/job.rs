@@ -9,7 +9,7 @@ use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::matchers;
-use matchbench::records::RunFolder;
+use matchbench::records::{BrokenTasks, RunFolder};
 use matchbench::run::{Cancel, Dataset, Run, RunSummary};
 use matchbench::study::{News, Prepared, Study};
 
@@ -17,7 +17,7 @@ use super::matches::describe;
 use crate::Ending;
 use crate::args::ChoiceArgs;
 use crate::output::say;
-use crate::progress::Bar;
+use crate::progress::Progress;
 use crate::stop::cancel_on_ctrl_c;
 
 /// Printed when Ctrl-C stops a run.
@@ -45,7 +45,7 @@ pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, P
 
 /// Runs what is left of a run, until it is complete or stopped, and prints how it ended.
 pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
-    let bar = Bar::new();
+    let bar = Progress::new();
     let summary = run.execute(&bar, cancel);
     bar.finish();
     Ok(tell(&summary?, run.folder, cancel))
@@ -111,6 +111,46 @@ pub(crate) fn cache(asked: Option<&Path>, folder: &Path) -> FeatureCache {
     FeatureCache::new(asked.map_or_else(default, Path::to_path_buf))
 }
 
+/// Reasons of failures that are printed.
+const REASONS: usize = 5;
+
+/// Letters of a reason that are printed.
+const REASON_LETTERS: usize = 300;
+
+/// Prints the most frequent reasons why tasks of the run in this folder broke.
+pub(super) fn tell_reasons(folder: &Path) {
+    // How the run ended is known without them.
+    let Some(broken) = RunFolder::open(folder)
+        .ok()
+        .and_then(|run| run.broken().ok())
+    else {
+        return;
+    };
+    for BrokenTasks {
+        dataset,
+        matcher,
+        reason,
+        tasks,
+    } in broken.iter().take(REASONS)
+    {
+        let reason: String = reason.chars().take(REASON_LETTERS).collect();
+        say!(
+            "  {} of {matcher} on {dataset}: {reason}",
+            counted(*tasks, "task")
+        );
+    }
+    if let Some(others) = broken
+        .len()
+        .checked_sub(REASONS)
+        .filter(|others| *others > 0)
+    {
+        say!(
+            "  and {} (\"kind\":\"failed\" in records)",
+            counted(others, "other reason")
+        );
+    }
+}
+
 /// Prints how a run ended, which the user may have stopped.
 pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Ending {
     if summary.ended > 0 && !cancel.is_set() {
@@ -140,10 +180,11 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Endi
     );
     if summary.failed > 0 {
         say!(
-            "{} FAILED, counted as wrong; records say why (\"kind\":\"failed\"). What was a file or a program \
-             outside is tried again at the next start, the rest with --retry-failed",
+            "{} FAILED, counted as wrong. What was a file or a program outside is tried again at the next start, the \
+             rest with --retry-failed",
             counted(summary.failed, "task")
         );
+        tell_reasons(folder);
         return Ending::SomeFailed;
     }
     Ending::Done

@@ -20,8 +20,9 @@ pub(crate) fn run(args: &LeaderboardArgs) -> Result<Ending> {
     let board = leaderboard(&args.entries, args.datasets.as_deref())
         .with_context(|| format!("cannot list {}", args.entries.display()))?;
     for Refused { place, reason } in &board.refused {
-        // Most reasons begin with the name of the file.
-        if reason.starts_with(place) {
+        // Most reasons begin with the name of the file, or of one below the folder.
+        let names_it = |rest: &str| rest.starts_with([':', '/']);
+        if reason.strip_prefix(&**place).is_some_and(names_it) {
             say!("refused: {reason}");
         } else {
             say!("refused: {place}: {reason}");

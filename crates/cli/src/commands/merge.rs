@@ -7,6 +7,7 @@ use matchbench::counted::counted;
 use matchbench::records::ShardPlan;
 use matchbench::records::shards::merge;
 
+use super::job::tell_reasons;
 use crate::Ending;
 use crate::args::MergeArgs;
 use crate::output::{say, stdout, typed};
@@ -25,9 +26,10 @@ pub(crate) fn run(args: &MergeArgs) -> Result<Ending> {
     let mut ending = Ending::Done;
     if merged.failed > 0 {
         say!(
-            "{} FAILED, counted as wrong; records say why (\"kind\":\"failed\")",
+            "{} FAILED, counted as wrong",
             counted(merged.failed, "task")
         );
+        tell_reasons(&args.out);
         ending = Ending::SomeFailed;
     }
     ending.after(printed)

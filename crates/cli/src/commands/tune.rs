@@ -14,7 +14,7 @@ use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
 use crate::Ending;
 use crate::args::TuneArgs;
 use crate::output::stdout;
-use crate::progress::Bar;
+use crate::progress::Progress;
 use crate::stop::cancel_on_ctrl_c;
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
         cache: &cache(args.cache.as_deref(), &args.out),
     };
     let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
-    let bar = Bar::new();
+    let bar = Progress::new();
     let done = tune(&tuning, &bar, &cancel);
     bar.finish();
     let done = done?;

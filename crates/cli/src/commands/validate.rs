@@ -9,7 +9,7 @@ use matchbench::datasets::{Sequence, Severity, validate};
 
 use crate::Ending;
 use crate::args::ValidateArgs;
-use crate::output::{plain, stdout};
+use crate::output::{plain, say, stdout};
 
 pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
     let problems = validate(&args.dataset);
@@ -34,7 +34,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<Ending> {
         counted(warnings, "warning")
     )?;
     if errors > 0 {
-        anyhow::bail!("{} cannot be used as it is", args.dataset.display());
+        say!("{} cannot be used as it is", args.dataset.display());
+        return Ok(Ending::SomeFailed);
     }
     let fingerprint = Sequence::open(&args.dataset)?.fingerprint();
     writeln!(out, "fingerprint {fingerprint}")?;

@@ -74,7 +74,10 @@ impl FeatureCache {
     /// Writes a file. A cache can be another person's, so a file that a link in it leads to must not be overwritten.
     fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
         refuse_links(&self.folder, name)?;
-        write_whole_file(&self.folder.join(name), contents)
+        write_whole_file(&self.folder.join(name), contents).map_err(|error| {
+            let remedy = "this is the cache of features; it may lie elsewhere (--cache DIR), and may be deleted";
+            io::Error::new(error.kind(), format!("{error}; {remedy}"))
+        })
     }
 
     fn path(&self, key: Key) -> PathBuf {

@@ -1,5 +1,6 @@
 //! A list of pairs as a text file: `a b` in each line, where further columns are ignored. `a` and `b` are numbers of
-//! frames, counted from 0, or names of images. The first line says which: two whole numbers are those of frames.
+//! frames, counted from 0, or names of images. The first line says which: two whole numbers are those of frames. A tab
+//! separates names that have blanks.
 
 use std::collections::HashSet;
 
@@ -27,7 +28,7 @@ pub(super) fn listed(file: &TextFile, frames: &[Frame]) -> Result<Vec<(u32, u32)
     let is_whole = |name: &str| names.whole(name).is_some();
     // The names may start from another root. If some do not, the others mean other images.
     let any_whole = (file.rows())
-        .any(|(_, row)| two_words(row).is_some_and(|words| words.map(is_whole) == [true; 2]));
+        .any(|(_, row)| two_names(row).is_some_and(|words| words.map(is_whole) == [true; 2]));
     let find = |name: &str| match if any_whole {
         names.whole(name)
     } else {
@@ -39,10 +40,18 @@ pub(super) fn listed(file: &TextFile, frames: &[Frame]) -> Result<Vec<(u32, u32)
             let (one, other) = (image(one), image(other));
             Err(format!("`{name}` is the name of {one} and of {other}"))
         }
-        None => Err(format!("`{name}` is the name of no image of the dataset")),
+        None => {
+            let first = (frames.first()).map_or_else(String::new, |frame| {
+                format!("; the first is `{}`", frame.image.display())
+            });
+            Err(format!(
+                "`{name}` is the name of no image of the dataset{first}"
+            ))
+        }
     };
     distinct(file, |row| {
-        let [a, b] = two_words(row).ok_or("two names of images are expected")?;
+        let [a, b] = two_names(row)
+            .ok_or("two names of images are expected (a tab separates names with blanks)")?;
         let (a, b) = (find(a)?, find(b)?);
         if a == b {
             return Err(format!(
@@ -60,9 +69,18 @@ pub(super) fn is_numbered(file: &TextFile) -> bool {
     (file.rows().next()).is_none_or(|(_, row)| row.split_whitespace().take(2).all(is_number))
 }
 
-fn two_words(row: &str) -> Option<[&str; 2]> {
-    let mut words = row.split_whitespace();
-    Some([words.next()?, words.next()?])
+/// The first two columns of a row: what tabs separate if there are any, so that names may have blanks, or else white
+/// space.
+fn two_names(row: &str) -> Option<[&str; 2]> {
+    if row.contains('\t') {
+        let mut names = row
+            .split('\t')
+            .map(str::trim)
+            .filter(|name| !name.is_empty());
+        return Some([names.next()?, names.next()?]);
+    }
+    let mut names = row.split_whitespace();
+    Some([names.next()?, names.next()?])
 }
 
 /// The pairs of all rows, each of them once.
@@ -150,6 +168,9 @@ mod tests {
         let wider = list("all/src/db/2.jpg all/src/query/1.jpg").unwrap();
         assert_eq!(wider, [(1, 2)]);
         assert_eq!(list("0 2\n").unwrap(), [(0, 2)], "these are numbers");
+        let blanks = self::frames(&["the hall 1.jpg", "the hall 2.jpg"]);
+        let tabs = listed(&file("the hall 2.jpg\tthe hall 1.jpg\t0.5\n"), &blanks);
+        assert_eq!(tabs.unwrap(), [(1, 0)]);
         for (text, message) in [
             (
                 "db/1.jpg db/9.jpg",

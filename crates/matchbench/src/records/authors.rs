@@ -1,10 +1,10 @@
 //! The layout in which the authors of MatchBench publish results: `<dataset>/<matcher>.txt`, one
 //! row per pair, in the order of the pairs.
 //!
-//! A row is `a b inliers` and the 12 numbers of the 3x4 matrix `[R | t]`, row after row, of
-//! `x_b = R x_a + t` with `t` of length 1. `inliers` is the number of selected matches in front of
+//! A row is `a b n` and the 12 numbers of the 3x4 matrix `[R | t]`, row after row, of
+//! `x_b = R x_a + t` with `t` of length 1. `n` is the number of selected matches in front of
 //! both cameras ([`Outcome::Pose`]'s `support`). A failed pair has the row
-//! `a b 0 1 0 0 0 0 1 0 0 0 0 1 0`: no inliers, no turn, no translation.
+//! `a b 0 1 0 0 0 0 1 0 0 0 0 1 0`: no support, no turn, no translation.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -48,8 +48,8 @@ pub enum AuthorsError {
     Write(#[from] io::Error),
     /// A line that is not a row.
     #[error(
-        "{}:{line}: {reason}; a row is `a b inliers` and the 12 numbers of the 3x4 matrix [R | t], \
-         row after row",
+        "{}:{line}: {reason}; a row is `a b n`, with the number of matches in front of both cameras, and the 12 \
+         numbers of the 3x4 matrix [R | t], row after row",
         path.display()
     )]
     Row {
@@ -72,22 +72,22 @@ pub struct Row {
     /// Index of the second frame.
     pub b: u32,
     /// Matches in front of both cameras.
-    pub inliers: u32,
+    pub support: u32,
     /// The relative pose; `None` where the row has no translation, as the rows of failed pairs.
     pub b_from_a: Option<RelativePose>,
 }
 
 impl Row {
-    /// What the row says, judged by the `truth`. A pose with fewer than `min_support` inliers does not count: that
+    /// What the row says, judged by the `truth`. A pose with fewer than `min_support` support does not count: that
     /// is [`MIN_SUPPORT`](super::MIN_SUPPORT), or what the protocol asks for under which the pose was estimated.
     pub fn outcome(&self, truth: &Isometry3<f64>, min_support: usize) -> Outcome {
         match self.b_from_a {
-            Some(b_from_a) if self.inliers as usize >= min_support => {
-                Outcome::judged(&b_from_a, truth, self.inliers, self.inliers, 0)
+            Some(b_from_a) if self.support as usize >= min_support => {
+                Outcome::judged(&b_from_a, truth, self.support, self.support, 0)
             }
             _ => Outcome::NoPose {
                 reason: NoModel::NoSupport {
-                    found: self.inliers as usize,
+                    found: self.support as usize,
                     needed: min_support,
                 },
             },
@@ -180,7 +180,7 @@ pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsE
 }
 
 fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
-    let (inliers, r, t) = match outcome {
+    let (support, r, t) = match outcome {
         Outcome::Pose {
             rotation,
             translation,
@@ -192,7 +192,7 @@ fn push_row(text: &mut String, a: u32, b: u32, outcome: &Outcome) {
         | Outcome::NoHomography { .. }
         | Outcome::Failed { .. } => (0, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0.0; 3]),
     };
-    write!(text, "{a} {b} {inliers}").expect("a string takes all");
+    write!(text, "{a} {b} {support}").expect("a string takes all");
     for (row, t) in r.chunks_exact(3).zip(t) {
         // Every digit is written, so that a score of the export is the score of the run.
         write!(text, " {} {} {} {t}", row[0], row[1], row[2]).expect("a string takes all");
@@ -205,7 +205,7 @@ fn parse(number_of_line: usize, line: &str) -> Result<Row, String> {
     let mut words = line.split_whitespace();
     let fields: Vec<&str> = words.by_ref().take(15).collect();
     let found = fields.len() + words.count();
-    let (Ok([a, b, inliers, pose @ ..]), 15) = (<[&str; 15]>::try_from(&fields[..]), found) else {
+    let (Ok([a, b, support, pose @ ..]), 15) = (<[&str; 15]>::try_from(&fields[..]), found) else {
         return Err(format!("found {}, needed 15", counted(found, "number")));
     };
     let mut rows = [0.0; 12];
@@ -219,7 +219,7 @@ fn parse(number_of_line: usize, line: &str) -> Result<Row, String> {
         line: number_of_line,
         a: number(a, "the index of a frame")?,
         b: number(b, "the index of a frame")?,
-        inliers: number(inliers, "a number of inliers")?,
+        support: number(support, "a number of support")?,
         b_from_a: relative_pose(&rows)?,
     })
 }
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(text.lines().nth(1), Some("0 2 0 1 0 0 0 0 1 0 0 0 0 1 0"));
 
         let rows = read(&files[0]).unwrap();
-        assert_eq!((rows[0].line, rows[0].b, rows[0].inliers), (1, 1, 40));
+        assert_eq!((rows[0].line, rows[0].b, rows[0].support), (1, 1, 40));
         let Outcome::Pose {
             rotation_error,
             translation_error,
@@ -397,7 +397,7 @@ mod tests {
                 rows[1].outcome(&truth(), MIN_SUPPORT),
                 Outcome::NoPose { .. }
             ),
-            "9 inliers are too few"
+            "9 support are too few"
         );
     }
 
@@ -413,7 +413,7 @@ mod tests {
                 ..
             } = rows[0].outcome(&truth, MIN_SUPPORT)
             else {
-                panic!("a pose with twelve inliers")
+                panic!("a pose with twelve support")
             };
             assert_eq!(
                 (translation, translation_error),
@@ -435,7 +435,7 @@ mod tests {
             ),
             (
                 "0 1 x 1 0 0 1 0 1 0 0 0 0 1 0",
-                "`x` is not a number of inliers",
+                "`x` is not a number of support",
             ),
             ("0 1 12 1 0 0 nan 0 1 0 0 0 0 1 0", "`nan` is not finite"),
             ("0 1 12 1 0 0 1 0 2 0 0 0 0 1 0", "not a rotation"),
@@ -480,7 +480,7 @@ mod tests {
         assert!(rows.iter().all(|row| row.b_from_a.is_some()));
         let rows = read(&results.join("08-large-cabinet-wide/latch.txt")).unwrap();
         let failed = rows.iter().filter(|row| row.b_from_a.is_none());
-        assert!(failed.clone().all(|row| row.inliers == 0));
+        assert!(failed.clone().all(|row| row.support == 0));
         assert_eq!((rows.len(), failed.count()), (567, 300));
     }
 }

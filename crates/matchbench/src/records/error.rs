@@ -38,8 +38,8 @@ pub enum FolderError {
     },
     /// The folder holds a run of another plan.
     #[error(
-        "{} holds a run of another plan: {difference}; to go on with it give at least what it was \
-         started with, for a new run choose another folder",
+        "{} holds a run of another plan: {difference}; to go on with it give all that it was started with, and more \
+         datasets, matchers, estimators or a larger --limit if you like; for another run choose another folder",
         folder.display()
     )]
     OtherPlan {

@@ -104,13 +104,22 @@ impl RunFolder {
     /// If a file cannot be read or has a line that is not a record. Without records it has none.
     pub fn records(&self) -> Result<Vec<RunRecord>, StoreError> {
         let mut records = Vec::new();
+        self.for_each(|record| records.push(record))?;
+        Ok(records)
+    }
+
+    /// Hands over what [`RunFolder::records`] returns, one record after the other.
+    ///
+    /// # Errors
+    /// As [`RunFolder::records`].
+    pub(super) fn for_each(&self, mut each: impl FnMut(RunRecord)) -> Result<(), StoreError> {
         for file in self.record_files()? {
             self.for_each_in(&file, |_, record| {
-                records.push(record);
+                each(record);
                 Ok::<_, StoreError>(())
             })?;
         }
-        Ok(records)
+        Ok(())
     }
 
     /// The records of one matcher with one estimator on one dataset, as they were written; none

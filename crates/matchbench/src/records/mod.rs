@@ -3,6 +3,7 @@
 //! Each is a run folder of its own, and they are merged at the end.
 
 pub mod authors;
+mod broken;
 mod earlier_plans;
 mod error;
 mod folder;
@@ -17,11 +18,14 @@ pub mod shards;
 pub mod store;
 mod tuned;
 
+pub use broken::BrokenTasks;
 pub use error::FolderError;
 pub use folder::{RunFolder, RunWriter};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
-pub use plan::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings, ShardOf};
+pub use plan::{
+    DatasetPlan, EstimatorPlan, FORMAT, IN_PYTHON, MatcherPlan, Plan, Settings, ShardOf,
+};
 pub use record::{ByDepth, Counts, Repeated, RunRecord, StageTimes, Task};
 pub use shards::{ShardError, ShardPlan};
 pub use store::StoreError;

@@ -163,6 +163,9 @@ pub struct DatasetPlan {
     pub matchers: Option<Vec<String>>,
 }
 
+/// The note of a matcher that is code in Python, in the process of the run: no command starts it.
+pub const IN_PYTHON: &str = "a matcher written in Python, in the process of the run";
+
 /// A matcher, or whatever else the matches come from, with its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

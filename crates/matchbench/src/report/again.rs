@@ -96,7 +96,7 @@ impl Again {
             .collect();
         let missing = match &all {
             Some(_) => Vec::new(),
-            None => missing(&datasets, plan.shard.is_some()),
+            None => missing(&datasets, why_apart(plan)),
         };
         Self {
             datasets,
@@ -247,12 +247,10 @@ impl CellAgain {
     ) -> Self {
         let run = command_line::cell(plan, dataset, (matcher, estimator), CELL);
         let note = match run {
-            None => {
+            None if Origin::of(matcher) != Origin::Python => {
                 "no command asks for this part of the run; the plan says what it was".to_owned()
             }
-            Some(_) => {
-                needs(matcher, dataset).map_or_else(String::new, |need| format!("needs {need}"))
-            }
+            _ => needs(matcher, dataset).map_or_else(String::new, |need| format!("needs {need}")),
         };
         Self {
             method: method(&matcher.id, &estimator.id),
@@ -276,16 +274,28 @@ fn needs(matcher: &MatcherPlan, dataset: &DatasetPlan) -> Option<String> {
             matcher.version.as_deref().unwrap_or_default(),
             matcher.id
         )),
+        Origin::Python => Some(format!(
+            "the code of {} in Python ({}), which `matchbench.run` runs",
+            matcher.id,
+            matcher.version.as_deref().unwrap_or_default()
+        )),
     }
 }
 
-/// What the commands of single datasets do not compute, and why.
-fn missing(datasets: &[DatasetAgain], is_shard: bool) -> Vec<String> {
-    let why = if is_shard {
+/// Why no single command computes all methods of a dataset.
+fn why_apart(plan: &Plan) -> &'static str {
+    let in_python = |matcher: &MatcherPlan| Origin::of(matcher) == Origin::Python;
+    if plan.shard.is_some() {
         "the plan is that of a shard, for which there is no command"
+    } else if plan.matchers.iter().any(in_python) {
+        "a matcher is written in Python, where `matchbench.run` runs it; each other method alone has a command"
     } else {
         "its methods have options that one command can give only once; each method alone has a command"
-    };
+    }
+}
+
+/// What the commands of single datasets do not compute, and `why` not.
+fn missing(datasets: &[DatasetAgain], why: &str) -> Vec<String> {
     let apart = datasets.iter().filter(|dataset| dataset.whole.is_empty());
     let mut missing: Vec<String> = apart
         .map(|DatasetAgain { name, .. }| {
@@ -326,6 +336,7 @@ mod tests {
     use super::super::names::defaults;
     use super::super::tests;
     use super::*;
+    use crate::records::IN_PYTHON;
 
     /// What is said of a run of two sources of files, where the second one's first pixel has its centre here.
     fn of_files(center: f64) -> Again {
@@ -336,13 +347,18 @@ mod tests {
                 "files": [{"name": "kitchen", "count": 9, "blake3": "00"}],
             }]}})
         };
+        of_two(&json!([source("a", 0.0), source("b", center)]))
+    }
+
+    /// What is said of a run of the matchers `a` and `b`.
+    fn of_two(matchers: &serde_json::Value) -> Again {
         let plan = json!({
             "version": "0.1.0",
             "settings": {"seed": 7, "repetitions": 1, "limit": null},
             "datasets": [
                 {"name": "kitchen", "path": "/x/kitchen", "frames": 3, "pairs": 3, "fingerprint": "ab"},
             ],
-            "matchers": [source("a", 0.0), source("b", center)],
+            "matchers": matchers,
         });
         let mut content = tests::content(&[("kitchen", "a", 6), ("kitchen", "b", 2)]);
         content.facts.plan = Some(plan.to_string());
@@ -365,6 +381,22 @@ mod tests {
     }
 
     #[test]
+    fn code_in_python_has_no_command() {
+        let best = json!([{"id": "best", "params": defaults("best")}]);
+        let in_python = json!({"id": "a", "version": "code 1f", "params": {}, "estimators": best, "notes": [IN_PYTHON]});
+        let program = json!({"id": "b", "version": "1.2", "params": {}, "estimators": best});
+        let script = of_two(&json!([in_python, program])).script();
+        for said in [
+            "\n# Needs the code of a in Python (code 1f), which `matchbench.run` runs.\n",
+            "since a matcher is written in Python",
+            "# kitchen, b + best  (needs the program 1.2 and its manifest, b.toml): matchbench run",
+        ] {
+            assert!(script.contains(said), "{said}: {script}");
+        }
+        assert!(!script.contains("a.toml"), "{script}");
+    }
+
+    #[test]
     fn the_script_says_what_it_does_not_compute() {
         let again = of_files(0.5);
         let script = again.script();
@@ -379,9 +411,9 @@ mod tests {
             whole: vec!["a command".into()],
             ..DatasetAgain::default()
         };
-        let both = missing(&[dataset("a"), dataset("b")], false);
+        let both = missing(&[dataset("a"), dataset("b")], "it cannot");
         assert!(both[0].starts_with("the table and the report of all datasets together"));
-        assert_eq!(missing(&[dataset("a")], false), [""; 0]);
+        assert_eq!(missing(&[dataset("a")], "it cannot"), [""; 0]);
     }
 
     #[test]

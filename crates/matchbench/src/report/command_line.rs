@@ -15,7 +15,7 @@ use super::names::defaults;
 use crate::config::{parse_value, together};
 use crate::matchers::MATCHERS;
 use crate::protocols::{self, EstimatorRule, MATCHBENCH, Protocol, without_protocol};
-use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
+use crate::records::{DatasetPlan, EstimatorPlan, IN_PYTHON, MatcherPlan, Plan};
 
 /// A command: its words, the program's first.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,8 +71,10 @@ pub(super) enum Origin {
     Native,
     /// Files of another tool.
     Files,
-    /// A program, or a function in Python.
+    /// A program with a manifest.
     Outside,
+    /// Code in Python, in the process of the run.
+    Python,
 }
 
 impl Origin {
@@ -81,6 +83,7 @@ impl Origin {
         match (&matcher.extraction, &matcher.version) {
             (Some(_), _) => Self::Native,
             (None, None) => Self::Files,
+            _ if matcher.notes.iter().any(|note| note == IN_PYTHON) => Self::Python,
             (None, Some(_)) => Self::Outside,
         }
     }
@@ -204,7 +207,7 @@ pub(super) fn show(
         _ if !variant.protocol.is_ours() => return None,
         Origin::Native => matcher.id.clone(),
         Origin::Outside => format!("{}.toml", matcher.id),
-        Origin::Files => return None,
+        Origin::Files | Origin::Python => return None,
     };
     let mut chosen = CommandLine(Vec::new());
     chosen.push("--matcher", id);
@@ -283,8 +286,8 @@ fn runs_with(matcher: &MatcherPlan, names: &[String], protocols: &[&'static Prot
             .find(|entry| entry.id() == matcher.id)
             .map(|entry| entry.estimator()),
         Origin::Files => Some("best"),
-        // Its manifest says so.
-        Origin::Outside => None,
+        // Its manifest says so. Python has no command.
+        Origin::Outside | Origin::Python => None,
     };
     let planned: BTreeSet<&str> = (matcher.estimators.iter()).map(|e| &*e.id).collect();
     let mut given = BTreeSet::new();
@@ -324,6 +327,7 @@ fn run(
             Origin::Native => ids.push(matcher.id.clone()),
             Origin::Outside => ids.push(format!("{}.toml", matcher.id)),
             Origin::Files => files.push(matcher),
+            Origin::Python => return None,
         }
         settings.extend(of_matcher(matcher));
     }
@@ -382,7 +386,7 @@ fn of_matcher(matcher: &MatcherPlan) -> Settings {
         Origin::Outside => {
             differences(&matcher.id, &matcher.params, &Value::Null, &mut settings);
         }
-        Origin::Files => {}
+        Origin::Files | Origin::Python => {}
     }
     settings
 }

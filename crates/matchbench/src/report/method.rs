@@ -157,8 +157,12 @@ fn from_outside(matcher: &MatcherPlan) -> Option<String> {
         _ if defaults(&matcher.id).is_some() => return None,
         Origin::Files => ("from files", Vec::new()),
         Origin::Outside => ("from outside", matcher.version.iter().cloned().collect()),
+        Origin::Python => (
+            "written in Python",
+            matcher.version.iter().cloned().collect(),
+        ),
     };
-    if Origin::of(matcher) == Origin::Outside {
+    if matches!(Origin::of(matcher), Origin::Outside | Origin::Python) {
         differences("", &matcher.params, &Value::Null, &mut facts);
     }
     let files = matcher.params.get("datasets").and_then(Value::as_array);

@@ -472,6 +472,15 @@ fn what_breaks_is_recorded_and_counted() {
             .collect();
         assert_eq!(reasons.len(), summary.failed);
         assert!(reasons[0].contains(named), "{}", reasons[0]);
+        let counted = RunFolder::open(&bench.path("run"))
+            .unwrap()
+            .broken()
+            .unwrap();
+        let tasks = counted.iter().map(|broken| broken.tasks);
+        assert_eq!(tasks.clone().sum::<usize>(), summary.failed);
+        assert!(tasks.is_sorted_by(|x, y| x >= y));
+        assert!(counted.iter().all(|broken| broken.matcher == "broken"));
+        assert!(counted.iter().any(|broken| broken.reason == *reasons[0]));
         let is_broken = |record: &RunRecord| matches!(record.outcome, Outcome::Failed { .. });
         assert!(
             records
