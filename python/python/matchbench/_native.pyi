@@ -316,6 +316,7 @@ def import_dataset(
     out: _Path,
     pairs: str | None,
     sequence: str | None,
+    sensor: str | None,
     camera: _Path | None,
     poses: _Path | None,
     tolerance: float | None,

@@ -11,6 +11,7 @@ use crate::threads::Threads;
 Examples:
   matchbench import tum rgbd_dataset_freiburg1_desk desk --pairs window:9,stride:15
   matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
+  matchbench import kitti dataset kitti-colour --sequence 00 --sensor image_2
   matchbench import strecha castle-P30 05-castle --pairs all
   matchbench import folder photos mine --poses photos/poses.txt --camera photos/K.txt
   matchbench import superglue scannet_test_pairs_with_gt.txt scannet-1500 --image-root ScanNet
@@ -49,6 +50,10 @@ pub(crate) struct ImportArgs {
     /// Which sequence, if SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)
     #[arg(long, value_name = "NN")]
     pub sequence: Option<String>,
+    /// Which camera of a rig (KITTI: image_0 to image_3; EuRoC: cam0 or cam1) [default: the first that is
+    /// there]
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
     /// Whether the images stay where they are, are linked to, or are copied
     #[arg(long, value_enum, default_value_t = Images::Reference)]
     pub images: Images,

@@ -522,6 +522,7 @@ fn an_option_that_a_kind_has_not_is_refused_with_those_that_have_it() {
     let (_folder, src) = source("any", &[("x", "")]);
     let every = ImportOptions {
         sequence: Some("1".into()),
+        sensor: Some("s".into()),
         pairs: Some("all".parse().unwrap()),
         camera: Some("k".into()),
         poses: Some("p".into()),
