@@ -52,6 +52,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             "version = 1\nname = \"other\"\nimage_root = \"Images\"\n[[frames]]\nimage = \"0000.pgm\"\n\
              camera = { fx = 4.0, fy = 4.0, cx = 1.5, cy = 1.0 }\n[[frames]]\nimage = \"0001.pgm\"\n\
              [[frames]]\nimage = \"0002.pgm\"\n",
+            "version = 1\ndistortion = { k1 = 0.1, k2 = -0.2, k3 = 0.0, k4 = 0.1 }\n",
             "version = 1\nimage_root = \"Images\"\ndepth = { per_unit = 5000, invalid = 65535 }\n[[frames]]\n\
              image = \"0000.pgm\"\ndepth = \"0000.pgm\"\n[[frames]]\nimage = \"0001.pgm\"\n\
              [[frames]]\nimage = \"0002.pgm\"\n",

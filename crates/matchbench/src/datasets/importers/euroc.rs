@@ -10,7 +10,7 @@
 
 use std::path::Path;
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Lens};
 use nalgebra::Isometry3;
 
 use super::{ImportOptions, Imported, base_name, images_left_out, list};
@@ -106,13 +106,13 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     }
     let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]).map_err(fail)?;
     let camera = Camera {
-        distortion: Some(Distortion {
+        distortion: Some(Lens::Brown(Distortion {
             k1,
             k2,
             p1,
             p2,
             k3: 0.0,
-        }),
+        })),
         ..pinhole
     };
     camera.check().map_err(|error| fail(error.to_string()))?;

@@ -331,7 +331,16 @@ fn megadepth_is_read_from_glue_factorys_texts() {
         found.frames[0].camera,
         Camera::pinhole(20.0, 21.0, 11.5, 8.0)
     );
-    assert_eq!(found.frames[1].camera.distortion.unwrap().k1, 0.125);
+    assert_eq!(
+        found.frames[1]
+            .camera
+            .distortion
+            .unwrap()
+            .brown()
+            .unwrap()
+            .k1,
+        0.125
+    );
     assert_eq!(x_of(&found.pairs.unwrap()[0]), 2.0);
     // Images in `images`, but only if none lies beside the list.
     fs::create_dir(src.join("images")).unwrap();
