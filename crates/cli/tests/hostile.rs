@@ -399,6 +399,7 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
         "scannet-raw",
         "megadepth",
         "colmap",
+        "nerf",
         "imc",
         "euroc",
         "zeb",

@@ -19,6 +19,7 @@ Examples:
   matchbench import megadepth 0015_0.1_0.3.npz st-peters --image-root MegaDepth
   matchbench import scannet-raw scene0000_00 scene0 --pairs window:9,stride:15
   matchbench import colmap sparse/0 church --image-root images --pairs covisible:0.1..0.7
+  matchbench import nerf lego/transforms_train.json lego --pairs window:5
   matchbench import oxford boat oxford-boat
   matchbench import rendered office office
 
@@ -34,7 +35,7 @@ The pairs of the paper, and more:
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
     /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, scannet-raw, megadepth,
-    /// colmap, imc, euroc, zeb, hpatches, oxford, evd or rendered
+    /// colmap, nerf, imc, euroc, zeb, hpatches, oxford, evd or rendered
     #[arg(value_name = "KIND")]
     pub kind: String,
     /// The data as their authors publish them: a folder, a list, a model

@@ -13,6 +13,7 @@ mod imc;
 mod kitti;
 mod list;
 mod megadepth;
+mod nerf;
 mod once;
 mod options;
 mod oxford;
@@ -141,6 +142,13 @@ pub const KINDS: &[Kind] = &[
         }),
         options: &[Has::Pairs, Has::ImageRoot],
         read: colmap::read,
+    },
+    Kind {
+        id: "nerf",
+        help: "NeRF, nerfstudio, instant-ngp: transforms.json (transforms_train.json ...)",
+        default_pairs: Some(PairRule::All),
+        options: &[Has::Pairs, Has::ImageRoot],
+        read: nerf::read,
     },
     Kind {
         id: "imc",
