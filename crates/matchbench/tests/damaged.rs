@@ -10,6 +10,7 @@ use doors::archives::{doubles, npz};
 #[cfg(unix)]
 use doors::children;
 use doors::{CAMERA, Doors, PAIRS, fixture, intrinsics, names, offer, scannet_list};
+use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
     ByDepth, Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
@@ -36,6 +37,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             [b"P5 4 3 65535\n".to_vec(), [3, 232].repeat(12)].concat(),
             [b"P5 8 6 65535\n".to_vec(), [0, 7, 4, 0].repeat(24)].concat(),
             depth_png(),
+            depth_hdf5(),
         ],
         "records" => vec![records(doors)],
         "matches" => vec![matches(doors)],
@@ -131,6 +133,14 @@ fn depth_png() -> Vec<u8> {
     let (kind, format) = (image::ExtendedColorType::L16, image::ImageFormat::Png);
     image::write_buffer_with_format(&mut png, &stored, 4, 3, kind, format).expect("in memory");
     png.into_inner()
+}
+
+fn depth_hdf5() -> Vec<u8> {
+    let values: Vec<f32> = (0..12_u8).map(|i| f32::from(i) / 2.0).collect();
+    let array = DatasetBuilder::typed_data("depth", vec![3, 4], &values).expect("12 numbers");
+    let plan = Hdf5Builder::default().dataset(array).into_plan();
+    let bytes = plan.and_then(|plan| plan.encode(WriteOptions::default()));
+    bytes.expect("in memory")
 }
 
 fn records(doors: &Doors) -> Vec<u8> {

@@ -323,7 +323,7 @@ impl Doors {
                 (f64::NAN, 1.0),
             ] {
                 let found = depth.at(Point2::new(place.0, place.1));
-                assert!(found.is_none_or(|z| z > 0.0 && z <= 65.535), "{found:?}");
+                assert!(found.is_none_or(|z| z > 0.0 && z.is_finite()), "{found:?}");
             }
         }
         any
