@@ -395,6 +395,7 @@ fn nothing_waits_for_a_pipe_that_nobody_writes_into() {
         "7scenes",
         "folder",
         "superglue",
+        "image-pairs",
         "scannet",
         "scannet-raw",
         "megadepth",

@@ -74,6 +74,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             "0000.pgm 0001.pgm 0 0 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
             "0001.pgm 0002.pgm 1 2 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
         ]),
+        "image pairs" => text(&IMAGE_PAIRS),
         "imc" => text(&["dataset,scene,image,rotation_matrix,translation_vector\n\
              d,s,0000.pgm,1;0;0;0;1;0;0;0;1,0;0;0\nd,s,0001.pgm,1;0;0;0;1;0;0;0;1,1;0;0\n"]),
         "scannet" => vec![scannet_list()],
@@ -120,6 +121,10 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
     }
 }
 
+const IMAGE_PAIRS: [&str; 2] = [
+    "0000.pgm 0001.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 0 1 0 0 0 1 1 2 3\n",
+    "0001.pgm 0002.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
+];
 const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repetitions":1,"limit":null},
     "datasets":[{"name":"room","path":"/room","frames":3,"pairs":3,"fingerprint":"00"}],
     "matchers":[{"id":"sift","params":{},"extraction":null,

@@ -78,6 +78,9 @@ const DOORS: &[Door] = &[
     ("superglue", |doors, bytes| {
         doors.import("superglue", "list.txt", bytes)
     }),
+    ("image pairs", |doors, bytes| {
+        doors.import("image-pairs", "pairs_calibrated.txt", bytes)
+    }),
     ("scannet", Doors::scannet),
     ("scannet intrinsics", Doors::intrinsics),
     ("megadepth", |doors, bytes| {

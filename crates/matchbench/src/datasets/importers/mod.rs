@@ -9,6 +9,7 @@ mod euroc;
 mod evd;
 mod folder;
 mod hpatches;
+mod image_pairs;
 mod imc;
 mod kitti;
 mod list;
@@ -111,6 +112,13 @@ pub const KINDS: &[Kind] = &[
         default_pairs: None,
         options: &[Has::ImageRoot],
         read: superglue::read,
+    },
+    Kind {
+        id: "image-pairs",
+        help: "glue-factory's image_pairs: per line names, K, K, and R and t or a 4x4 T_0to1",
+        default_pairs: None,
+        options: &[Has::ImageRoot],
+        read: image_pairs::read,
     },
     Kind {
         id: "scannet",
