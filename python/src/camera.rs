@@ -1,7 +1,7 @@
 //! Cameras: given by their own fields, or by the names of COLMAP's camera models.
 
 use matchbench::counted::counted;
-use matchbench_vision::geometry::{self, Distortion};
+use matchbench_vision::geometry::{self, Distortion, Fisheye, Lens};
 use nalgebra::Matrix3;
 use pyo3::prelude::*;
 
@@ -43,7 +43,7 @@ impl Origin {
 }
 
 /// A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens distortion (k1, k2,
-/// p1, p2[, k3], as in OpenCV). `origin` says where the origin of (cx, cy) is: at the centre of the first pixel
+/// p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's module of this name). `origin` says where the origin of (cx, cy) is: at the centre of the first pixel
 /// ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP).
 #[pyclass(frozen, eq, from_py_object, module = "matchbench")]
 #[derive(Clone, Copy, PartialEq)]
@@ -54,46 +54,52 @@ pub(crate) struct Camera {
 #[pymethods]
 impl Camera {
     #[new]
-    #[pyo3(signature = (fx, fy, cx, cy, distortion=None, *, origin="center"))]
+    #[pyo3(signature = (fx, fy, cx, cy, distortion=None, fisheye=None, *, origin="center"))]
     fn new(
         fx: f64,
         fy: f64,
         cx: f64,
         cy: f64,
         distortion: Option<Vec<f64>>,
+        fisheye: Option<[f64; 4]>,
         origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
-        let distortion = match distortion.as_deref() {
-            None => None,
-            Some(&[k1, k2, p1, p2]) => Some([k1, k2, p1, p2, 0.0]),
-            Some(&[k1, k2, p1, p2, k3]) => Some([k1, k2, p1, p2, k3]),
-            Some(other) => {
+        let lens = match (distortion.as_deref(), fisheye) {
+            (None, None) => None,
+            (Some(&[k1, k2, p1, p2]), None) => Some(brown([k1, k2, p1, p2, 0.0])),
+            (Some(&[k1, k2, p1, p2, k3]), None) => Some(brown([k1, k2, p1, p2, k3])),
+            (None, Some([k1, k2, k3, k4])) => Some(Fisheye { k1, k2, k3, k4 }.into()),
+            (Some(_), Some(_)) => {
+                return Err(value_error("a camera has distortion or fisheye, not both"));
+            }
+            (Some(other), None) => {
                 return Err(value_error(format!(
                     "distortion is (k1, k2, p1, p2) or (k1, k2, p1, p2, k3), not {} numbers",
                     other.len()
                 )));
             }
         };
-        checked([fx, fy, cx + shift, cy + shift], distortion)
+        checked([fx, fy, cx + shift, cy + shift], lens)
     }
 
     /// A camera, given by its calibration matrix K, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
     #[staticmethod]
-    #[pyo3(signature = (matrix, distortion=None, *, origin="center"))]
+    #[pyo3(signature = (matrix, distortion=None, fisheye=None, *, origin="center"))]
     fn from_matrix(
         matrix: &Bound<'_, PyAny>,
         distortion: Option<Vec<f64>>,
+        fisheye: Option<[f64; 4]>,
         origin: &str,
     ) -> PyResult<Self> {
         let k = matrix_3x3(matrix, "matrix")?;
         let geometry::Camera { fx, fy, cx, cy, .. } =
             geometry::Camera::from_matrix(&k).map_err(value_error)?;
-        Self::new(fx, fy, cx, cy, distortion, origin)
+        Self::new(fx, fy, cx, cy, distortion, fisheye, origin)
     }
 
-    /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL
-    /// or OPENCV.
+    /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL,
+    /// OPENCV or OPENCV_FISHEYE.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
     fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {
@@ -101,16 +107,23 @@ impl Camera {
         let (focal, lens) = match (model, &params[..]) {
             ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], None),
             ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], None),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f, cx, cy], Some([k, 0.0, 0.0, 0.0, 0.0])),
-            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], Some([k1, k2, 0.0, 0.0, 0.0])),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => {
+                ([f, f, cx, cy], Some(brown([k, 0.0, 0.0, 0.0, 0.0])))
+            }
+            ("RADIAL", &[f, cx, cy, k1, k2]) => {
+                ([f, f, cx, cy], Some(brown([k1, k2, 0.0, 0.0, 0.0])))
+            }
             ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-                ([fx, fy, cx, cy], Some([k1, k2, p1, p2, 0.0]))
+                ([fx, fy, cx, cy], Some(brown([k1, k2, p1, p2, 0.0])))
+            }
+            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
+                ([fx, fy, cx, cy], Some(Fisheye { k1, k2, k3, k4 }.into()))
             }
             _ => {
                 return Err(value_error(format!(
                     "camera model \"{model}\" with {}; known are SIMPLE_PINHOLE (f, cx, cy), \
-                     PINHOLE (fx, fy, cx, cy), SIMPLE_RADIAL (f, cx, cy, k), RADIAL (f, cx, cy, k1, k2) \
-                     and OPENCV (fx, fy, cx, cy, k1, k2, p1, p2)",
+                     PINHOLE (fx, fy, cx, cy), SIMPLE_RADIAL (f, cx, cy, k), RADIAL (f, cx, cy, k1, k2), \
+                     OPENCV (fx, fy, cx, cy, k1, k2, p1, p2) and OPENCV_FISHEYE (fx, fy, cx, cy, k1, k2, k3, k4)",
                     counted(params.len(), "parameter")
                 )));
             }
@@ -143,40 +156,56 @@ impl Camera {
         self.inner.cy
     }
 
-    /// Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none.
+    /// Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none, and of a fisheye.
     #[getter]
     fn distortion(&self) -> Option<(f64, f64, f64, f64, f64)> {
-        let lens = self.inner.distortion?;
+        let lens = self.inner.distortion?.brown()?;
         Some((lens.k1, lens.k2, lens.p1, lens.p2, lens.k3))
+    }
+
+    /// Distortion of a fisheye (k1, k2, k3, k4), as in OpenCV; None if it is none.
+    #[getter]
+    fn fisheye(&self) -> Option<(f64, f64, f64, f64)> {
+        match self.inner.distortion? {
+            Lens::Fisheye(lens) => Some((lens.k1, lens.k2, lens.k3, lens.k4)),
+            Lens::Brown(_) => None,
+        }
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
-        let parts = (fx, fy, cx, cy, self.distortion());
+        let parts = (fx, fy, cx, cy, self.distortion(), self.fisheye());
         Ok((py.get_type::<Self>(), parts).into_pyobject(py)?.into_any())
     }
 
     /// Equal cameras have equal hashes, as tuples of their numbers do.
     fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
         let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
-        (fx, fy, cx, cy, self.distortion())
+        (fx, fy, cx, cy, self.distortion(), self.fisheye())
             .into_pyobject(py)?
             .hash()
     }
 
     fn __repr__(&self) -> String {
         let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
-        let lens = (self.distortion()).map_or_else(String::new, |lens| format!(", {lens:?}"));
+        let fisheye = self.fisheye().map(|lens| format!(", fisheye={lens:?}"));
+        let lens = self.distortion().map(|lens| format!(", {lens:?}"));
+        let lens = lens.or(fisheye).unwrap_or_default();
         format!("Camera({fx}, {fy}, {cx}, {cy}{lens})")
     }
 }
 
-fn checked([fx, fy, cx, cy]: [f64; 4], distortion: Option<[f64; 5]>) -> PyResult<Camera> {
+fn brown([k1, k2, p1, p2, k3]: [f64; 5]) -> Lens {
+    Distortion { k1, k2, p1, p2, k3 }.into()
+}
+
+fn checked([fx, fy, cx, cy]: [f64; 4], distortion: Option<Lens>) -> PyResult<Camera> {
     let k = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
-    let mut inner = geometry::Camera::from_matrix(&k).map_err(value_error)?;
-    if let Some([k1, k2, p1, p2, k3]) = distortion {
-        inner.distortion = Some(Distortion { k1, k2, p1, p2, k3 });
-    }
+    let pinhole = geometry::Camera::from_matrix(&k).map_err(value_error)?;
+    let inner = geometry::Camera {
+        distortion,
+        ..pinhole
+    };
     inner.check().map_err(value_error)?;
     Ok(Camera { inner })
 }

@@ -129,7 +129,7 @@ impl Dataset {
 
 /// Converts a folder in another layout to ours; returns the notes of the import.
 #[pyfunction]
-#[pyo3(signature = (kind, source, out, pairs, sequence, camera, poses, tolerance, interpolate, image_root,
+#[pyo3(signature = (kind, source, out, pairs, sequence, sensor, camera, poses, tolerance, interpolate, image_root,
                     intrinsics, property, images))]
 pub(crate) fn import_dataset(
     py: Python<'_>,
@@ -138,6 +138,7 @@ pub(crate) fn import_dataset(
     out: PathBuf,
     pairs: Option<&str>,
     sequence: Option<String>,
+    sensor: Option<String>,
     camera: Option<PathBuf>,
     poses: Option<PathBuf>,
     tolerance: Option<f64>,
@@ -161,6 +162,7 @@ pub(crate) fn import_dataset(
         };
         let options = ImportOptions {
             sequence,
+            sensor,
             pairs,
             camera,
             poses,

@@ -43,7 +43,12 @@ def matched(dataset, images):
 
 
 def test_cameras(again):
-    for camera in [mb.Camera(500.1, 499.9, 320, 240), mb.Camera(5e2, 5e2, 0.1, -0.0, (0.1, -0.2, 1e-3, 2e-3, 0.3))]:
+    cameras = [
+        mb.Camera(500.1, 499.9, 320, 240),
+        mb.Camera(5e2, 5e2, 0.1, -0.0, (0.1, -0.2, 1e-3, 2e-3, 0.3)),
+        mb.Camera(5e2, 5e2, 0.1, -0.0, fisheye=(0.1, -0.2, 1e-3, 2e-3)),
+    ]
+    for camera in cameras:
         assert again(camera) == camera
 
 

@@ -127,6 +127,12 @@ def test_cameras_by_colmaps_names():
     bent = mb.Camera.from_model("OPENCV", [500, 501, 320, 240, 0.1, -0.2, 0.001, 0.002], origin="center")
     assert bent.distortion == (0.1, -0.2, 0.001, 0.002, 0.0)
     assert bent == mb.Camera(500, 501, 320, 240, (0.1, -0.2, 0.001, 0.002))
+    fisheye = mb.Camera.from_model("OPENCV_FISHEYE", [500, 501, 320, 240, 0.1, -0.2, 0.01, 0.02], origin="center")
+    assert fisheye == mb.Camera(500, 501, 320, 240, fisheye=(0.1, -0.2, 0.01, 0.02))
+    assert fisheye.distortion is None and fisheye.fisheye == (0.1, -0.2, 0.01, 0.02)
+    assert repr(fisheye) == "Camera(500, 501, 320, 240, fisheye=(0.1, -0.2, 0.01, 0.02))"
+    with pytest.raises(ValueError, match="not both"):
+        mb.Camera(500, 501, 320, 240, (0.1, 0, 0, 0), (0.1, 0, 0, 0))
     for model, params in [("FISHEYE", [1]), ("PINHOLE", [500, 320, 240])]:
         with pytest.raises(ValueError, match="SIMPLE_RADIAL"):
             mb.Camera.from_model(model, params, origin="center")

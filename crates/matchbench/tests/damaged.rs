@@ -10,6 +10,7 @@ use doors::archives::{doubles, npz};
 #[cfg(unix)]
 use doors::children;
 use doors::{CAMERA, Doors, PAIRS, fixture, intrinsics, names, offer, scannet_list};
+use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
     ByDepth, Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
@@ -36,6 +37,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             [b"P5 4 3 65535\n".to_vec(), [3, 232].repeat(12)].concat(),
             [b"P5 8 6 65535\n".to_vec(), [0, 7, 4, 0].repeat(24)].concat(),
             depth_png(),
+            depth_hdf5(),
         ],
         "records" => vec![records(doors)],
         "matches" => vec![matches(doors)],
@@ -52,6 +54,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             "version = 1\nname = \"other\"\nimage_root = \"Images\"\n[[frames]]\nimage = \"0000.pgm\"\n\
              camera = { fx = 4.0, fy = 4.0, cx = 1.5, cy = 1.0 }\n[[frames]]\nimage = \"0001.pgm\"\n\
              [[frames]]\nimage = \"0002.pgm\"\n",
+            "version = 1\ndistortion = { k1 = 0.1, k2 = -0.2, k3 = 0.0, k4 = 0.1 }\n",
             "version = 1\nimage_root = \"Images\"\ndepth = { per_unit = 5000, invalid = 65535 }\n[[frames]]\n\
              image = \"0000.pgm\"\ndepth = \"0000.pgm\"\n[[frames]]\nimage = \"0001.pgm\"\n\
              [[frames]]\nimage = \"0002.pgm\"\n",
@@ -71,6 +74,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             "0000.pgm 0001.pgm 0 0 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
             "0001.pgm 0002.pgm 1 2 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
         ]),
+        "image pairs" => text(&IMAGE_PAIRS),
         "imc" => text(&["dataset,scene,image,rotation_matrix,translation_vector\n\
              d,s,0000.pgm,1;0;0;0;1;0;0;0;1,0;0;0\nd,s,0001.pgm,1;0;0;0;1;0;0;0;1,1;0;0\n"]),
         "scannet" => vec![scannet_list()],
@@ -117,6 +121,10 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
     }
 }
 
+const IMAGE_PAIRS: [&str; 2] = [
+    "0000.pgm 0001.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 0 1 0 0 0 1 1 2 3\n",
+    "0001.pgm 0002.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
+];
 const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repetitions":1,"limit":null},
     "datasets":[{"name":"room","path":"/room","frames":3,"pairs":3,"fingerprint":"00"}],
     "matchers":[{"id":"sift","params":{},"extraction":null,
@@ -130,6 +138,14 @@ fn depth_png() -> Vec<u8> {
     let (kind, format) = (image::ExtendedColorType::L16, image::ImageFormat::Png);
     image::write_buffer_with_format(&mut png, &stored, 4, 3, kind, format).expect("in memory");
     png.into_inner()
+}
+
+fn depth_hdf5() -> Vec<u8> {
+    let values: Vec<f32> = (0..12_u8).map(|i| f32::from(i) / 2.0).collect();
+    let array = DatasetBuilder::typed_data("depth", vec![3, 4], &values).expect("12 numbers");
+    let plan = Hdf5Builder::default().dataset(array).into_plan();
+    let bytes = plan.and_then(|plan| plan.encode(WriteOptions::default()));
+    bytes.expect("in memory")
 }
 
 fn records(doors: &Doors) -> Vec<u8> {

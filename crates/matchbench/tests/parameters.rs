@@ -13,7 +13,7 @@ use matchbench::config::ConfigError;
 use matchbench::estimators::{ESTIMATORS, Estimator};
 use matchbench::matchers::{BuiltMatcher, Extraction, MATCHERS};
 use matchbench_vision::features::Features;
-use matchbench_vision::geometry::{Camera, Distortion, MatchedPoints};
+use matchbench_vision::geometry::{Camera, Distortion, Lens, MatchedPoints};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Correspondences, View};
 use matchbench_vision::robust::TwoViews;
@@ -256,13 +256,13 @@ fn more_values(id: &str, pointer: &str) -> Vec<Value> {
 
 const CAMERA: Camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
 const WIDE_LENS: Camera = Camera {
-    distortion: Some(Distortion {
+    distortion: Some(Lens::Brown(Distortion {
         k1: -0.28,
         k2: 0.07,
         p1: 0.0,
         p2: 0.0,
         k3: 0.0,
-    }),
+    })),
     ..CAMERA
 };
 

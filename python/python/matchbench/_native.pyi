@@ -19,8 +19,9 @@ class NoModel(Error):
 @final
 class Camera:
     """A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens
-    distortion (k1, k2, p1, p2[, k3], as in OpenCV). `origin` says where the origin of (cx, cy) is: at
-    the centre of the first pixel ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP)."""
+    distortion (k1, k2, p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's
+    module of this name). `origin` says where the origin of (cx, cy) is: at the centre of the first pixel
+    ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP)."""
 
     def __new__(
         cls,
@@ -29,16 +30,23 @@ class Camera:
         cx: float,
         cy: float,
         distortion: Sequence[float] | None = None,
+        fisheye: Sequence[float] | None = None,
         *,
         origin: str = "center",
     ) -> Camera: ...
     @staticmethod
-    def from_matrix(matrix: ArrayLike, distortion: Sequence[float] | None = None, *, origin: str = "center") -> Camera:
+    def from_matrix(
+        matrix: ArrayLike,
+        distortion: Sequence[float] | None = None,
+        fisheye: Sequence[float] | None = None,
+        *,
+        origin: str = "center",
+    ) -> Camera:
         """A camera, given by its calibration matrix K, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."""
     @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
-        SIMPLE_RADIAL, RADIAL or OPENCV."""
+        SIMPLE_RADIAL, RADIAL, OPENCV or OPENCV_FISHEYE."""
     @property
     def fx(self) -> float:
         """Focal length along x, in pixels."""
@@ -53,7 +61,10 @@ class Camera:
         """y of the principal point; the centre of the first pixel is at 0."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float] | None:
-        """Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none."""
+        """Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none, and of a fisheye."""
+    @property
+    def fisheye(self) -> tuple[float, float, float, float] | None:
+        """Distortion of a fisheye (k1, k2, k3, k4), as in OpenCV; None if it is none."""
 
 @final
 class Features:
@@ -316,6 +327,7 @@ def import_dataset(
     out: _Path,
     pairs: str | None,
     sequence: str | None,
+    sensor: str | None,
     camera: _Path | None,
     poses: _Path | None,
     tolerance: float | None,

@@ -137,7 +137,7 @@ def _camera(camera: Mapping[str, Any] | Camera, name: str, origin: str) -> Camer
         if origin == "center":
             return camera
         c = camera
-        return Camera(c.fx, c.fy, c.cx, c.cy, c.distortion, origin=origin)
+        return Camera(c.fx, c.fy, c.cx, c.cy, c.distortion, c.fisheye, origin=origin)
     if not isinstance(camera, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise TypeError(f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}")
     unknown = set(camera) - {"model", "width", "height", "params"}

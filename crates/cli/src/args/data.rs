@@ -11,13 +11,16 @@ use crate::threads::Threads;
 Examples:
   matchbench import tum rgbd_dataset_freiburg1_desk desk --pairs window:9,stride:15
   matchbench import kitti dataset 04-kitti --sequence 00 --pairs fragments:5
+  matchbench import kitti dataset kitti-colour --sequence 00 --sensor image_2
   matchbench import strecha castle-P30 05-castle --pairs all
   matchbench import folder photos mine --poses photos/poses.txt --camera photos/K.txt
   matchbench import superglue scannet_test_pairs_with_gt.txt scannet-1500 --image-root ScanNet
   matchbench import scannet test.npz scannet-1500 --intrinsics intrinsics.npz --image-root ScanNet
+  matchbench import image-pairs pairs_calibrated.txt scannet-gf --image-root scannet1500
   matchbench import megadepth 0015_0.1_0.3.npz st-peters --image-root MegaDepth
   matchbench import scannet-raw scene0000_00 scene0 --pairs window:9,stride:15
   matchbench import colmap sparse/0 church --image-root images --pairs covisible:0.1..0.7
+  matchbench import nerf lego/transforms_train.json lego --pairs window:5
   matchbench import oxford boat oxford-boat
   matchbench import rendered office office
 
@@ -32,8 +35,8 @@ The pairs of the paper, and more:
   list:FILE           a pair a line: names of images, or numbers of frames of OUT from 0
   covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
-    /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, scannet, scannet-raw, megadepth,
-    /// colmap, imc, euroc, zeb, hpatches, oxford, evd or rendered
+    /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, image-pairs, scannet, scannet-raw,
+    /// megadepth, colmap, nerf, imc, euroc, zeb, hpatches, oxford, evd or rendered
     #[arg(value_name = "KIND")]
     pub kind: String,
     /// The data as their authors publish them: a folder, a list, a model
@@ -49,6 +52,10 @@ pub(crate) struct ImportArgs {
     /// Which sequence, if SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)
     #[arg(long, value_name = "NN")]
     pub sequence: Option<String>,
+    /// Which camera of a rig (KITTI: image_0 to image_3; EuRoC: cam0 or cam1) [default: the first that is
+    /// there]
+    #[arg(long, value_name = "NAME")]
+    pub sensor: Option<String>,
     /// Whether the images stay where they are, are linked to, or are copied
     #[arg(long, value_enum, default_value_t = Images::Reference)]
     pub images: Images,

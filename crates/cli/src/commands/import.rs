@@ -13,6 +13,7 @@ use crate::output::{say, stdout};
 pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
     let options = ImportOptions {
         sequence: args.sequence.clone(),
+        sensor: args.sensor.clone(),
         pairs: args.pairs.as_deref().map(str::parse).transpose()?,
         camera: args.camera.clone(),
         poses: args.poses.clone(),

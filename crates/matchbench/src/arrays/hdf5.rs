@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hdf5_reader::group::Group;
-use hdf5_reader::storage::FileStorage;
+use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
 use hdf5_reader::{ByteOrder, DEFAULT_MAX_CHUNK_BYTES, Datatype, Hdf5File as Reader, OpenOptions};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
@@ -58,16 +58,40 @@ impl Hdf5 {
         let about = (file.metadata()).map_err(|error| ArrayError::unreadable(path, error))?;
         let storage =
             FileStorage::from_file(file).map_err(|error| ArrayError::unreadable(path, error))?;
+        Self::in_storage(path, Arc::new(storage), about.len(), bytes)
+    }
+
+    /// Whether these are the first bytes of an HDF5 file.
+    pub(crate) fn is_it(bytes: &[u8]) -> bool {
+        bytes.starts_with(b"\x89HDF\r\n\x1a\n")
+    }
+
+    /// Opens the file at `path`, which has this content.
+    ///
+    /// # Errors
+    /// If it is not an HDF5 file.
+    pub(crate) fn of_bytes(path: &Path, content: Vec<u8>) -> Result<Self, ArrayError> {
+        let length = content.len() as u64;
+        let storage = BytesStorage::new(content);
+        Self::in_storage(path, Arc::new(storage), length, MAX_BYTES as usize)
+    }
+
+    fn in_storage(
+        path: &Path,
+        storage: DynStorage,
+        length: u64,
+        bytes: usize,
+    ) -> Result<Self, ArrayError> {
         let options = OpenOptions::default()
             .with_max_read_bytes(bytes)
             .with_max_chunk_bytes(bytes.min(DEFAULT_MAX_CHUNK_BYTES))
             .with_max_object_header_bytes(16 << 20);
-        let file = Reader::from_storage_with_options(Arc::new(storage), options)
+        let file = Reader::from_storage_with_options(storage, options)
             .map_err(|error| ArrayError::damaged(path, format!("no HDF5 file ({error})")))?;
         Ok(Self {
             path: path.into(),
             file,
-            bytes: about.len(),
+            bytes: length,
         })
     }
 

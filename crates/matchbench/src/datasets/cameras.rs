@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::geometry::{Camera, Lens};
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
 
@@ -142,10 +142,21 @@ pub(super) fn check_camera(
             DatasetError::new(
                 file,
                 format!("the lens distortion cannot be undone at the pixel {x} {y} of {here}"),
-                "check the coefficients and their order, k1 k2 p1 p2 k3",
+                remedy_of_lens(camera),
             )
             .into(),
         );
+    }
+}
+
+/// What to do about a lens that cannot be undone.
+fn remedy_of_lens(camera: &Camera) -> &'static str {
+    match camera.distortion {
+        Some(Lens::Fisheye(_)) => {
+            "check the coefficients, k1 k2 k3 k4; what lies 90 degrees and more from the axis has no point at depth 1, so \
+             undistort such images first"
+        }
+        _ => "check the coefficients and their order, k1 k2 p1 p2 k3",
     }
 }
 

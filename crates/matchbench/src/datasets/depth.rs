@@ -1,13 +1,14 @@
 //! Depth images: for each pixel, the distance in front of the camera of the scene point that it shows.
 //!
 //! A file holds the z coordinate in the frame of the camera (not the length of the ray), as 16-bit grey values
-//! of PNG or PGM. The value 0 means that nothing was measured:
+//! of PNG or PGM, or as numbers of an HDF5 file. The value 0 means that nothing was measured:
 //!
 //! | data | stored values per metre | means "not measured" | aligned with the colour image |
 //! | --- | --- | --- | --- |
 //! | TUM RGB-D | 5000 | 0 | yes |
 //! | 7-Scenes | 1000 | 0, 65535 | no: the two lenses are some centimetres apart, and the poses ignore that |
 //! | ScanNet | 1000 | 0 | nearly; smaller than the colour image |
+//! | MegaDepth | 1 (HDF5; unit of the reconstruction) | 0 and below | yes |
 //! | rendered scenes | 5000, outdoors 1000 | 0 | yes |
 //!
 //! A depth image may have another resolution than its colour image, but must show the same part of the scene.
@@ -19,12 +20,11 @@
 use std::path::PathBuf;
 
 use blake3::Hash;
-use image::DynamicImage;
-use matchbench_vision::image::{Image, Size};
+use matchbench_vision::image::Size;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
-use super::decode::{DecodeError, with_other};
+use super::stored_depth::StoredDepth;
 use super::{DatasetError, Turn};
 use crate::files::read_file;
 
@@ -52,6 +52,12 @@ impl DepthUnit {
         invalid: None,
     };
 
+    /// Units of length, as MegaDepth stores them in HDF5 files.
+    pub const UNITS: Self = Self {
+        per_unit: 1.0,
+        invalid: None,
+    };
+
     /// Says why depth cannot be stored in this way, if it cannot.
     pub(super) fn check(self) -> Result<(), String> {
         let per_unit = self.per_unit;
@@ -76,7 +82,7 @@ pub struct DepthFile {
 /// The depth of an image, turned as the image is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Depth {
-    stored: Image<u16>,
+    stored: StoredDepth,
     unit: DepthUnit,
     /// Pixels of depth in a pixel of the image, along x and y.
     scale: [f64; 2],
@@ -87,34 +93,18 @@ impl DepthFile {
     /// Reads the depth for an image that has the size `image` before it is turned.
     ///
     /// # Errors
-    /// If the file cannot be read, is not an image of one 16-bit value per pixel, or has another aspect ratio
-    /// than the image.
+    /// If the file cannot be read, is neither an image of one 16-bit value per pixel nor an HDF5 file with an array
+    /// `depth` of height x width numbers, or has another aspect ratio than the image.
     pub fn read(&self, image: Size, turn: Turn) -> Result<Depth, DatasetError> {
         let bytes = read_file(&self.path).map_err(|error| DatasetError::io(&self.path, &error))?;
-        let stored = decode_depth(&bytes).map_err(|error| error.in_file(&self.path))?;
+        let hash = blake3::hash(&bytes);
+        let stored = StoredDepth::decode(&self.path, bytes)?;
         let depth = Depth::new(stored, self.unit, image, turn).map_err(|what| {
             let remedy = "give the depth of the same image, or take `depth` of this frame out of dataset.toml";
             DatasetError::new(&self.path, what, remedy)
         })?;
-        Ok(Depth {
-            hash: blake3::hash(&bytes),
-            ..depth
-        })
+        Ok(Depth { hash, ..depth })
     }
-}
-
-/// Decodes the 16-bit values in `bytes`.
-///
-/// # Errors
-/// If they are not a complete image of one 16-bit value per pixel.
-pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
-    with_other(bytes, 0, |size, image, _| match image {
-        DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
-        other => Err(DecodeError::Unsupported(format!(
-            "{:?}, and depth is one 16-bit value for each pixel",
-            other.color()
-        ))),
-    })
 }
 
 /// The stored value of a depth, rounded; 0 if the depth is too large or there is none.
@@ -129,7 +119,7 @@ impl Depth {
     ///
     /// # Errors
     /// If their aspect ratios differ.
-    fn new(stored: Image<u16>, unit: DepthUnit, image: Size, turn: Turn) -> Result<Self, String> {
+    fn new(stored: StoredDepth, unit: DepthUnit, image: Size, turn: Turn) -> Result<Self, String> {
         let size = stored.size();
         let ratio = |own: usize, of: usize| own as f64 / of.max(1) as f64;
         let scale = [
@@ -142,7 +132,7 @@ impl Depth {
         }
         let is_on_side = turn.size(image) != image;
         Ok(Self {
-            stored: turn.pixels(stored),
+            stored: stored.turned(turn),
             unit,
             scale: if is_on_side {
                 [scale[1], scale[0]]
@@ -160,9 +150,10 @@ impl Depth {
 
     /// The depth of an image of the same size.
     #[cfg(test)]
-    pub(crate) fn of_image(stored: Image<u16>, unit: DepthUnit) -> Self {
+    pub(crate) fn of_image(stored: matchbench_vision::image::Image<u16>, unit: DepthUnit) -> Self {
         let size = stored.size();
-        Self::new(stored, unit, size, Turn::None).expect("it is of the same size")
+        Self::new(StoredDepth::Integers(stored), unit, size, Turn::None)
+            .expect("it is of the same size")
     }
 
     /// The depth at a pixel of the image, in the unit of the dataset; `None` if nothing was measured there, and
@@ -174,11 +165,12 @@ impl Depth {
             let most = length as f64 - 1.0;
             (at >= -0.5 && at <= most + 0.5).then_some(at.clamp(0.0, most))
         };
-        let x = place(pixel.x, self.scale[0], self.stored.width())?;
-        let y = place(pixel.y, self.scale[1], self.stored.height())?;
+        let size = self.stored.size();
+        let x = place(pixel.x, self.scale[0], size.width)?;
+        let y = place(pixel.y, self.scale[1], size.height)?;
         let (left, top) = (x as usize, y as usize);
-        let right = (left + 1).min(self.stored.width() - 1);
-        let bottom = (top + 1).min(self.stored.height() - 1);
+        let right = (left + 1).min(size.width - 1);
+        let bottom = (top + 1).min(size.height - 1);
         let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
         let depths = corners.map(|(x, y)| self.value(x, y));
         if let [Some(a), Some(b), Some(c), Some(d)] = depths
@@ -201,27 +193,27 @@ impl Depth {
 
     /// The size of the image that it belongs to, up to rounding.
     pub(crate) fn image_size(&self) -> [f64; 2] {
+        let size = self.stored.size();
         [
-            self.stored.width() as f64 / self.scale[0],
-            self.stored.height() as f64 / self.scale[1],
+            size.width as f64 / self.scale[0],
+            size.height as f64 / self.scale[1],
         ]
     }
 
     /// Bytes of memory that it takes.
     pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.stored.data())
+        self.stored.bytes()
     }
 
     fn value(&self, x: usize, y: usize) -> Option<f64> {
-        let stored = self.stored.at(x, y);
-        let measured = stored != 0 && self.unit.invalid != Some(stored);
-        measured.then(|| f64::from(stored) / self.unit.per_unit)
+        let stored = self.stored.at(x, y, self.unit.invalid)?;
+        Some(stored / self.unit.per_unit)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use image::{ExtendedColorType, ImageFormat};
+    use matchbench_vision::image::Image;
     use proptest::prelude::*;
 
     use super::*;
@@ -233,7 +225,7 @@ mod tests {
 
     fn depth(width: usize, values: &[u16], image: Size, turn: Turn) -> Depth {
         let size = Size::new(width, values.len() / width);
-        let stored = Image::from_vec(size, values.to_vec());
+        let stored = StoredDepth::Integers(Image::from_vec(size, values.to_vec()));
         Depth::new(stored, UNIT, image, turn).unwrap()
     }
 
@@ -260,7 +252,7 @@ mod tests {
         let at = |x: f64| depth.at(Point2::new(x, 0.0)).unwrap();
         assert!((at(0.5) - 1.0).abs() < 1e-12 && (at(2.5) - 1.04).abs() < 1e-12);
         assert!((at(1.5) - 1.02).abs() < 1e-12);
-        let other = Image::from_vec(Size::new(2, 1), vec![1, 2]);
+        let other = StoredDepth::Integers(Image::from_vec(Size::new(2, 1), vec![1, 2]));
         let skewed = Depth::new(other, UNIT, Size::new(4, 4), Turn::None).unwrap_err();
         assert!(skewed.contains("2x1") && skewed.contains("4x4"), "{skewed}");
     }
@@ -272,35 +264,6 @@ mod tests {
         assert_eq!(turned.at(Point2::new(0.0, 0.0)), Some(2.0));
         assert_eq!(turned.at(Point2::new(0.0, 3.0)), Some(1.0));
         assert_eq!(turned.image_size(), [2.0, 4.0]);
-    }
-
-    #[test]
-    fn what_is_not_16_bits_of_gray_is_refused() {
-        let mut png = Vec::new();
-        let mut write = |bytes: &[u8], colour| {
-            png.clear();
-            let out = &mut std::io::Cursor::new(&mut png);
-            image::write_buffer_with_format(out, bytes, 2, 1, colour, ImageFormat::Png).unwrap();
-            decode_depth(&png)
-        };
-        let read = write(&[1, 0, 2, 0], ExtendedColorType::L16).unwrap();
-        assert_eq!(
-            read.data(),
-            [u16::from_ne_bytes([1, 0]), u16::from_ne_bytes([2, 0])]
-        );
-        let gray = write(&[1, 2], ExtendedColorType::L8)
-            .unwrap_err()
-            .to_string();
-        assert!(gray.contains("16-bit"), "{gray}");
-        assert!(write(&[1; 6], ExtendedColorType::Rgb8).is_err());
-        assert_eq!(
-            decode_depth(b"P5 2 1 65535\n\0\x01"),
-            Err(DecodeError::Truncated)
-        );
-        assert_eq!(
-            decode_depth(b"P5 2 1 65535\n\0\x01\x01\0").unwrap().data(),
-            [1, 256]
-        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The fingerprint of a dataset: a hash that identifies its cameras, pairs and truth. Results for one truth
 //! must not be taken for results of another.
 
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::geometry::{Camera, Lens};
 
 use super::{Frame, Pair, Sequence};
 
@@ -57,7 +57,13 @@ impl Fingerprint {
             this.numbers(&[fx, fy, cx, cy]);
             match distortion {
                 None => this.numbers(&[0.0; 5]),
-                Some(lens) => this.numbers(&[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]),
+                Some(Lens::Brown(lens)) => {
+                    this.numbers(&[lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]);
+                }
+                // An infinity, which no dataset contains, so that these are not taken for the others.
+                Some(Lens::Fisheye(lens)) => {
+                    this.numbers(&[lens.k1, lens.k2, lens.k3, lens.k4, f64::INFINITY]);
+                }
             }
         }
         this

@@ -13,7 +13,7 @@ use crate::counted::counted;
 pub(super) const IMAGES: &str = "Images";
 
 /// Endings of the image files that can be decoded.
-const EXTENSIONS: [&str; 10] = [
+pub(super) const EXTENSIONS: [&str; 10] = [
     "png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "ppm", "pnm",
 ];
 

@@ -24,7 +24,7 @@
 
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Lens};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -77,7 +77,7 @@ pub(super) struct Manifest {
     pub(super) image_root: Option<PathBuf>,
     /// Lens distortion of the camera in `camera.txt`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) distortion: Option<Distortion>,
+    pub(super) distortion: Option<Lens>,
     /// How the depth of frames is stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) depth: Option<DepthUnit>,
@@ -324,6 +324,8 @@ fn line_of(text: &str, byte: usize) -> usize {
 mod tests {
     use proptest::prelude::*;
 
+    use matchbench_vision::geometry::Distortion;
+
     use super::*;
 
     fn parse(text: &str) -> Result<Manifest, DatasetError> {
@@ -425,13 +427,13 @@ mod tests {
                 per_unit: 5000.0,
                 invalid: Some(7),
             }),
-            distortion: Some(Distortion {
+            distortion: Some(Lens::Brown(Distortion {
                 k1: 0.1 + 0.2,
                 k2: -1e-17,
                 p1: 0.0,
                 p2: 5e300,
                 k3: 1.0,
-            }),
+            })),
             frames: vec![ManifestFrame {
                 image: Some("rgb/1.5.png".into()),
                 name: Some("left/1.5.png".into()),

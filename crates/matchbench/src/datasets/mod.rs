@@ -26,6 +26,7 @@ mod pairs;
 mod problem;
 pub mod rendered;
 mod sequence;
+mod stored_depth;
 #[cfg(test)]
 pub(crate) mod testing;
 mod text;
@@ -40,7 +41,7 @@ pub use decode::{
     DecodeError, MAX_PIXELS, check_size, decode_gray, gray_of_rgb, limit_pixels, read_gray,
     read_size,
 };
-pub use depth::{Depth, DepthFile, DepthUnit, decode_depth};
+pub use depth::{Depth, DepthFile, DepthUnit};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use fingerprint::Whole;
@@ -55,6 +56,7 @@ pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};
+pub use stored_depth::decode_depth;
 pub use trajectory::Association;
 pub use turn::Turn;
 pub use validate::validate;

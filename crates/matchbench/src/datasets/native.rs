@@ -16,7 +16,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Lens};
 use nalgebra::{Isometry3, Matrix3};
 
 use super::fingerprint::Fingerprint;
@@ -358,12 +358,14 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
     };
     let camera = Camera::from_matrix(&Matrix3::from_row_slice(k))
         .map_err(|error| file.error(error.to_string(), "write fx 0 cx, 0 fy cy, 0 0 1"))?;
-    let distortion = (!lens.is_empty()).then(|| Distortion {
-        k1: lens[0],
-        k2: lens[1],
-        p1: lens[2],
-        p2: lens[3],
-        k3: lens.get(4).copied().unwrap_or(0.0),
+    let distortion = (!lens.is_empty()).then(|| {
+        Lens::Brown(Distortion {
+            k1: lens[0],
+            k2: lens[1],
+            p1: lens[2],
+            p2: lens[3],
+            k3: lens.get(4).copied().unwrap_or(0.0),
+        })
     });
     let camera = Camera {
         distortion,
@@ -521,7 +523,16 @@ mod tests {
             sequence.frames[3].camera,
             Camera::pinhole(1.0, 1.0, 2.0, 3.0)
         );
-        assert_eq!(sequence.frames[0].camera.distortion.unwrap().k1, 0.1);
+        assert_eq!(
+            sequence.frames[0]
+                .camera
+                .distortion
+                .unwrap()
+                .brown()
+                .unwrap()
+                .k1,
+            0.1
+        );
     }
 
     #[test]
@@ -554,6 +565,8 @@ mod tests {
         let lens = parse(&format!("{k}0.1 0.2 0.3 0.4"))
             .unwrap()
             .distortion
+            .unwrap()
+            .brown()
             .unwrap();
         assert_eq!((lens.k1, lens.p2, lens.k3), (0.1, 0.4, 0.0));
         assert!(parse("5 0 2 0 5 2").unwrap_err().what.contains("6 numbers"));

@@ -6,7 +6,7 @@
 //! One quarter turn counterclockwise takes the pixel `(x, y)` of an image of width `w` to `(y, w - 1 - x)`, and
 //! so the ray `(X, Y, Z)` to `(Y, -X, Z)`.
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Lens};
 use matchbench_vision::image::{Image, Size};
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -106,10 +106,14 @@ impl Turn {
                 fy: turned.fx,
                 cx: turned.cy,
                 cy: width - 1.0 - turned.cx,
-                distortion: turned.distortion.map(|lens| Distortion {
-                    p1: -lens.p2,
-                    p2: lens.p1,
-                    ..lens
+                distortion: turned.distortion.map(|lens| match lens {
+                    Lens::Brown(lens) => Lens::Brown(Distortion {
+                        p1: -lens.p2,
+                        p2: lens.p1,
+                        ..lens
+                    }),
+                    // The same in all directions.
+                    Lens::Fisheye(_) => lens,
                 }),
             };
             (width, height) = (height, width);
@@ -129,6 +133,7 @@ impl Turn {
 mod tests {
     use nalgebra::Point2;
 
+    use matchbench_vision::geometry::Fisheye;
     use matchbench_vision::image::GrayImage;
 
     use super::*;
@@ -154,19 +159,30 @@ mod tests {
     /// A point in space is seen at the turned pixel by the turned camera, lens and all.
     #[test]
     fn camera_and_rotation_turn_with_the_pixels() {
-        let camera = Camera {
-            distortion: Some(Distortion {
-                k1: 0.1,
-                k2: -0.02,
-                p1: 0.003,
-                p2: -0.004,
-                k3: 0.01,
-            }),
-            ..Camera::pinhole(5.0, 6.0, 1.25, 0.75)
+        let brown = Distortion {
+            k1: 0.1,
+            k2: -0.02,
+            p1: 0.003,
+            p2: -0.004,
+            k3: 0.01,
+        };
+        let fisheye = Fisheye {
+            k1: 0.1,
+            k2: -0.02,
+            k3: 0.003,
+            k4: 0.01,
         };
         let ray = Vector3::new(0.2, -0.1, 1.0);
-        let seen = camera.project(Point2::new(ray.x, ray.y));
-        for turn in TURNS {
+        let lenses = [Lens::Brown(brown), Lens::Fisheye(fisheye)];
+        for (lens, turn) in lenses
+            .iter()
+            .flat_map(|lens| TURNS.map(|turn| (lens, turn)))
+        {
+            let camera = Camera {
+                distortion: Some(*lens),
+                ..Camera::pinhole(5.0, 6.0, 1.25, 0.75)
+            };
+            let seen = camera.project(Point2::new(ray.x, ray.y));
             let turned = turn.rotation() * ray;
             let found = turn
                 .camera(&camera, 4.0, 3.0)

@@ -506,13 +506,15 @@ mod tests {
         let (folder, source) = testing::dataset();
         let mut sequence = Sequence::open(&source).unwrap();
         for frame in &mut sequence.frames {
-            frame.camera.distortion = Some(matchbench_vision::geometry::Distortion {
-                k1: 0.1,
-                k2: 0.02,
-                p1: 0.03,
-                p2: 0.04,
-                k3: 0.05,
-            });
+            frame.camera.distortion = Some(matchbench_vision::geometry::Lens::Brown(
+                matchbench_vision::geometry::Distortion {
+                    k1: 0.1,
+                    k2: 0.02,
+                    p1: 0.03,
+                    p2: 0.04,
+                    k3: 0.05,
+                },
+            ));
         }
         let cameras = |sequence: &Sequence| -> Vec<Camera> {
             sequence.frames.iter().map(|f| f.camera).collect()

@@ -115,7 +115,7 @@ fn is_inside(camera: &Camera, pixel: Point2<f64>) -> bool {
 mod tests {
     use std::f64::consts::PI;
 
-    use matchbench_vision::geometry::Distortion;
+    use matchbench_vision::geometry::{Distortion, Lens};
     use nalgebra::{Translation3, UnitQuaternion};
 
     use super::super::{Failure, PairResult};
@@ -136,10 +136,10 @@ mod tests {
     #[test]
     fn a_lens_that_bends_shows_nothing_from_beside_the_image() {
         let camera = Camera {
-            distortion: Some(Distortion {
+            distortion: Some(Lens::Brown(Distortion {
                 k1: -0.1,
                 ..Distortion::default()
-            }),
+            })),
             ..Camera::pinhole(1000.0, 1000.0, 1000.0, 20.0)
         };
         let overlap = |degrees: f64| {

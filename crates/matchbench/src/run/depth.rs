@@ -324,7 +324,7 @@ mod tests {
             ..Distortion::default()
         };
         let bent = Camera {
-            distortion: Some(lens),
+            distortion: Some(lens.into()),
             ..CAMERA
         };
         let beside = Isometry3::translation(6.0, 0.0, 0.0);

@@ -182,6 +182,8 @@ pub struct StudyImport {
     pub pairs: Option<PairRule>,
     /// Which sequence, if the source holds several.
     pub sequence: Option<String>,
+    /// Which camera of the source, if it has several.
+    pub sensor: Option<String>,
     /// The calibration, if the source has none or another one shall be used.
     #[serde(default, deserialize_with = "names::some_path")]
     pub camera: Option<PathBuf>,
@@ -220,6 +222,7 @@ impl StudyImport {
     fn options(&self) -> ImportOptions<'static> {
         ImportOptions {
             sequence: self.sequence.clone(),
+            sensor: self.sensor.clone(),
             pairs: self.pairs.clone(),
             camera: self.camera.clone(),
             poses: self.poses.clone(),

@@ -78,6 +78,9 @@ const DOORS: &[Door] = &[
     ("superglue", |doors, bytes| {
         doors.import("superglue", "list.txt", bytes)
     }),
+    ("image pairs", |doors, bytes| {
+        doors.import("image-pairs", "pairs_calibrated.txt", bytes)
+    }),
     ("scannet", Doors::scannet),
     ("scannet intrinsics", Doors::intrinsics),
     ("megadepth", |doors, bytes| {
@@ -323,7 +326,7 @@ impl Doors {
                 (f64::NAN, 1.0),
             ] {
                 let found = depth.at(Point2::new(place.0, place.1));
-                assert!(found.is_none_or(|z| z > 0.0 && z <= 65.535), "{found:?}");
+                assert!(found.is_none_or(|z| z > 0.0 && z.is_finite()), "{found:?}");
             }
         }
         any

@@ -20,6 +20,7 @@ const DOORS: &str = "\
     zeb zeb/room_0000_0001.txt zeb
     oxford oxford/H1to2p oxford
     megadepth views/views.txt views
+    nerf nerf/transforms.json nerf
     imc calibrations/calibration_7.h5 imc calibration";
 
 /// A door to a source of a dataset.
@@ -71,6 +72,7 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         ("zeb/room_0000_0001.txt", text(ZEB)),
         ("oxford/H1to2p", text(HOMOGRAPHY)),
         ("views/views.txt", text(VIEWS)),
+        ("nerf/transforms.json", text(TRANSFORMS)),
         ("views/pairs.txt", text("0000.pgm 0001.pgm\n")),
         ("calibrations/calibration_7.h5", fixture("calibration_7.h5")),
     ];
@@ -133,6 +135,11 @@ const ZEB: &str = "0000.jpg 0001.jpg 0.5 0.5 4 0 1.5 0 4 1 0 0 1 4 0 1.5 0 4 1 0
 const HOMOGRAPHY: &str = "1 0 2\n0 1 3\n0.001 0 1\n";
 const VIEWS: &str = "0000.pgm 1 0 0 0 1 0 0 0 1 0 0 0 PINHOLE 4 3 4 4 2 1.5\n\
     0001.pgm 1 0 0 0 1 0 0 0 1 1 0 0 SIMPLE_RADIAL 4 3 4 2 1.5 0.01\n";
+
+const TRANSFORMS: &str = "{\"w\": 4, \"h\": 3, \"camera_angle_x\": 1.2, \"k1\": 0.01, \"frames\": [\n\
+    {\"file_path\": \"./a\", \"transform_matrix\": [[1, 0, 0, 1], [0, 0, -1, 2], [0, 1, 0, 3], [0, 0, 0, 1]]},\n\
+    {\"file_path\": \"b.png\", \"fl_x\": 4, \"cx\": 2.5, \"transform_matrix\": [[1, 0, 0, 1], [0, 1, 0, 2], \
+    [0, 0, 1, 3], [0, 0, 0, 1]]}]}\n";
 
 /// The first of [`MODEL_CAMERAS`] as COLMAP's other form has it.
 pub(super) fn binary_cameras() -> Vec<u8> {

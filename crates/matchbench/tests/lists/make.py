@@ -47,7 +47,7 @@ def megadepth():
     k = np.array([[20.0, 0, 12.0], [0, 21.0, 8.5], [0, 0, 1]])
     contents = {
         "image_paths": objects(["0.png", None, "2.png", "3.png"]),
-        "depth_paths": objects([None] * 4),
+        "depth_paths": objects(["0.h5", None, "gone.h5", None]),
         "intrinsics": objects([k, None, np.asfortranarray(k), k]),
         "poses": objects([pose(0.0), None, pose(1.0), pose(2.0)]),
         "pair_infos": [

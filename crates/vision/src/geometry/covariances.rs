@@ -19,7 +19,7 @@
 
 use nalgebra::{Matrix2, Point2};
 
-use super::Distortion;
+use super::Lens;
 
 /// Largest root of the sum of both squared stretches for which the lens model is used.
 const MAX_STRETCH: f64 = 4.0;
@@ -38,8 +38,8 @@ impl Covariances {
     /// The covariances of matched points at depth 1 under these two lenses; `None` if neither distorts.
     pub fn of_lenses(
         pairs: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
-        lens_a: Option<&Distortion>,
-        lens_b: Option<&Distortion>,
+        lens_a: Option<&Lens>,
+        lens_b: Option<&Lens>,
     ) -> Option<Self> {
         if lens_a.is_none() && lens_b.is_none() {
             return None;
@@ -62,7 +62,7 @@ impl Covariances {
 }
 
 /// The covariance of a point at depth 1.
-fn covariance(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
+fn covariance(lens: Option<&Lens>, point: Point2<f64>) -> [f64; 3] {
     const IDENTITY: [f64; 3] = [1.0, 0.0, 1.0];
     let Some(lens) = lens else {
         return IDENTITY;
@@ -85,16 +85,18 @@ fn covariance(lens: Option<&Distortion>, point: Point2<f64>) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Camera, MatchedPoints, PointPairs, squared_sampson_distances};
+    use crate::geometry::{
+        Camera, Distortion, MatchedPoints, PointPairs, squared_sampson_distances,
+    };
     use nalgebra::Matrix3;
 
-    const LENS: Distortion = Distortion {
+    const LENS: Lens = Lens::Brown(Distortion {
         k1: -0.28,
         k2: 0.07,
         p1: 0.002,
         p2: -0.001,
         k3: 0.0,
-    };
+    });
 
     fn camera() -> Camera {
         Camera {
@@ -160,13 +162,10 @@ mod tests {
     #[test]
     fn a_lens_beyond_belief_changes_nothing() {
         // r (1 - 0.5 r^2) has its fold at r = 0.816.
-        let folding = Distortion {
+        let folding = Lens::Brown(Distortion {
             k1: -0.5,
-            k2: 0.0,
-            p1: 0.0,
-            p2: 0.0,
-            k3: 0.0,
-        };
+            ..Distortion::default()
+        });
         let stretch = |r: f64| covariance(Some(&folding), Point2::new(r, 0.0))[0].sqrt();
         assert!((stretch(0.5) - 1.0 / 0.625).abs() < 1e-12);
         for r in [0.8, 0.82, 1.0, 1e9, f64::INFINITY, f64::NAN] {

@@ -149,7 +149,7 @@ mod tests {
     use nalgebra::Point2;
 
     use super::*;
-    use crate::geometry::Distortion;
+    use crate::geometry::{Distortion, Lens};
     use crate::seed::Seed;
 
     fn truth() -> RelativePose {
@@ -245,13 +245,13 @@ mod tests {
     fn derivatives_are_those_of_the_distance() {
         let pairs = matches(3, 4, 1e-2);
         check_derivatives(&pairs);
-        let lens = Distortion {
+        let lens = Lens::Brown(Distortion {
             k1: -0.3,
             k2: 0.05,
             p1: 0.01,
             p2: -0.02,
             k3: 0.0,
-        };
+        });
         check_derivatives(&PointPairs {
             covariances: Covariances::of_lenses(pairs.iter(), Some(&lens), Some(&lens)),
             ..pairs

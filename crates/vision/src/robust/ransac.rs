@@ -160,17 +160,17 @@ mod tests {
     use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
-    use crate::geometry::{Camera, Distortion, MatchedPoints, RelativePose};
+    use crate::geometry::{Camera, Distortion, Lens, MatchedPoints, RelativePose};
 
     const CAMERA_A: Camera = Camera::pinhole(700.0, 710.0, 320.0, 240.0);
     const CAMERA_B: Camera = Camera {
-        distortion: Some(Distortion {
+        distortion: Some(Lens::Brown(Distortion {
             k1: 0.1,
             k2: -0.2,
             p1: 0.001,
             p2: -0.002,
             k3: 0.0,
-        }),
+        })),
         ..Camera::pinhole(520.0, 515.0, 310.0, 250.0)
     };
 

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::geometry::Camera;
+use matchbench_vision::geometry::{Camera, Lens};
 use matchbench_vision::image::Size;
 use nalgebra::{Isometry3, Translation3};
 
@@ -95,7 +95,11 @@ fn camera_row(camera: &Camera, size: Size) -> String {
     let mut params = vec![fx, fy, cx + 0.5, cy + 0.5];
     let model = match distortion {
         None => "PINHOLE",
-        Some(lens) => {
+        Some(Lens::Fisheye(lens)) => {
+            params.extend([lens.k1, lens.k2, lens.k3, lens.k4]);
+            "OPENCV_FISHEYE"
+        }
+        Some(Lens::Brown(lens)) => {
             params.extend([lens.k1, lens.k2, lens.p1, lens.p2]);
             if lens.k3 == 0.0 {
                 "OPENCV"

@@ -1,5 +1,5 @@
 //! EuRoC MAV (Burri, Nikolic, Gohl, Schneider, Rehder, Omari, Achtelik, Siegwart: "The EuRoC Micro
-//! Aerial Vehicle Datasets", IJRR 35, 2016): the left camera.
+//! Aerial Vehicle Datasets", IJRR 35, 2016): the left camera `cam0`, or the right one `cam1`.
 //!
 //! `mav0/cam0/data.csv` (nanoseconds, file name), `mav0/cam0/data/` (images),
 //! `mav0/cam0/sensor.yaml` (`T_BS`: 4x4, camera to body; `intrinsics`: fx fy cx cy;
@@ -10,13 +10,16 @@
 
 use std::path::Path;
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Lens};
 use nalgebra::Isometry3;
 
 use super::{ImportOptions, Imported, base_name, images_left_out, list};
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::trajectory::TimedPose;
 use crate::datasets::{About, DatasetError, Frame};
+
+/// The cameras of the rig; the first is read if none is asked for.
+const SENSORS: [&str; 2] = ["cam0", "cam1"];
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let inside = src.join("mav0");
@@ -25,7 +28,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     } else {
         src.to_owned()
     };
-    let sensor = folder.join("cam0");
+    let name = options.sensor_in(&folder, &SENSORS)?;
+    let sensor = folder.join(name);
     let (camera, body_from_camera) = sensor_of(&TextFile::read(&sensor.join("sensor.yaml"))?)?;
     let states = folder.join("state_groundtruth_estimate0").join("data.csv");
     let trajectory = trajectory(&TextFile::read(&states)?)?;
@@ -37,12 +41,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let parsed = row
             .split_once(',')
             .ok_or_else(|| "time,name is expected".to_owned());
-        let parsed = parsed.and_then(|(time, name)| Ok((seconds(time)?, name.trim())));
-        let (time, name) = parsed.map_err(|what| images.error_at(line, what))?;
+        let parsed = parsed.and_then(|(time, image)| Ok((seconds(time)?, image.trim())));
+        let (time, image) = parsed.map_err(|what| images.error_at(line, what))?;
         match association.pose_at(&trajectory, time) {
-            None => left_out.push(name.to_owned()),
+            None => left_out.push(image.to_owned()),
             Some(world_from_body) => frames.push(Frame::with_pose(
-                sensor.join("data").join(name),
+                sensor.join("data").join(image),
                 camera,
                 world_from_body * body_from_camera,
             )),
@@ -51,10 +55,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let without = format!("without a state within {} s", association.tolerance);
     Ok(Imported {
         about: About {
-            origin: format!("EuRoC MAV, {}", base_name(src)),
+            origin: match name {
+                "cam0" => format!("EuRoC MAV, {}", base_name(src)),
+                other => format!("EuRoC MAV, {}, {other}", base_name(src)),
+            },
             notes: images_left_out(&without, &left_out).into_iter().collect(),
             ..About::default()
         },
+        sensor: Some(name.to_owned()),
         ..Imported::of(frames)
     })
 }
@@ -98,13 +106,13 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     }
     let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]).map_err(fail)?;
     let camera = Camera {
-        distortion: Some(Distortion {
+        distortion: Some(Lens::Brown(Distortion {
             k1,
             k2,
             p1,
             p2,
             k3: 0.0,
-        }),
+        })),
         ..pinhole
     };
     camera.check().map_err(|error| fail(error.to_string()))?;
@@ -118,4 +126,53 @@ fn bracketed<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> 
         .and_then(|(_, rest)| rest.split_once(']'));
     let (inside, _) = inside.ok_or_else(|| format!("there is no `{key} [...]`"))?;
     text::exactly(&inside.replace(',', " ")).map_err(|what| format!("{key} {what}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::read_source;
+    use super::super::tests::source;
+    use super::*;
+
+    #[test]
+    fn either_camera_of_the_rig_is_read() {
+        let sensor = |x: f64, fx: f64| {
+            format!(
+                "T_BS:\n  data: [1, 0, 0, {x}, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n\
+                 intrinsics: [{fx}, 20, 12, 8]\ndistortion_model: radial-tangential\n\
+                 distortion_coefficients: [0.1, 0, 0, 0]\n"
+            )
+        };
+        let (left, right) = (sensor(0.0, 20.0), sensor(0.11, 21.0));
+        let files = [
+            ("mav0/cam0/sensor.yaml", &*left),
+            ("mav0/cam0/data.csv", "1000000000,a.png\n"),
+            ("mav0/cam1/sensor.yaml", &*right),
+            ("mav0/cam1/data.csv", "1000000000,b.png\n"),
+            (
+                "mav0/state_groundtruth_estimate0/data.csv",
+                "1000000000,1,2,3,1,0,0,0\n",
+            ),
+        ];
+        let (_folder, src) = source("V1_01", &files);
+        let with = |sensor: Option<&str>| {
+            let options = ImportOptions {
+                sensor: sensor.map(str::to_owned),
+                ..ImportOptions::default()
+            };
+            read_source("euroc", &src, &options)
+        };
+        let found = with(None).unwrap();
+        assert_eq!(found, with(Some("cam0")).unwrap());
+        assert_eq!(found.about.origin, "EuRoC MAV, V1_01");
+        let found = with(Some("cam1")).unwrap();
+        assert_eq!(found.about.origin, "EuRoC MAV, V1_01, cam1");
+        assert_eq!(found.sensor.as_deref(), Some("cam1"));
+        let frame = &found.frames[0];
+        assert_eq!(frame.image, src.join("mav0/cam1/data/b.png"));
+        assert_eq!(frame.camera.fx, 21.0);
+        assert_eq!(frame.world_from_camera.unwrap().translation.x, 1.11);
+        let error = with(Some("cam2")).unwrap_err().to_string();
+        assert!(error.ends_with("use one of cam0, cam1"), "{error}");
+    }
 }

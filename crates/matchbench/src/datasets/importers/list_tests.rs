@@ -11,7 +11,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::tests::source;
 use super::{ImportOptions, Imported, import, read_source};
 use crate::arrays::testing::{npy, write_npz};
-use crate::datasets::{DatasetError, Pair, Sequence, Turn, export, testing, validate};
+use crate::datasets::{
+    DatasetError, DepthFile, DepthUnit, Pair, Sequence, Turn, export, testing, validate,
+};
 
 /// Names, turns, K_0, K_1, T_0to1: a turn of 0.1 radians about y and a step.
 fn superglue_row(names: [&str; 2], turns: [u8; 2], step: &str) -> String {
@@ -283,8 +285,19 @@ fn megadepth_is_read_from_loftrs_pickle() {
     assert_eq!((pairs[1].a, pairs[1].b), (1, 2));
 
     let bytes = fs::read(fixture("megadepth.npz")).unwrap();
-    let (_folder, src) = source("set", &[]);
-    fs::create_dir_all(&src).unwrap();
+    let (_folder, src) = source("set", &[("0.h5", "")]);
+    let root = with_root(&src);
+    let found = read_source("megadepth", &fixture("megadepth.npz"), &root).unwrap();
+    let depths: Vec<_> = found
+        .frames
+        .iter()
+        .map(|frame| frame.depth.clone())
+        .collect();
+    let there = DepthFile {
+        path: src.join("0.h5"),
+        unit: DepthUnit::UNITS,
+    };
+    assert_eq!(depths, [None, Some(there), None]);
     for end in [10, 200, bytes.len() - 1] {
         fs::write(src.join("cut.npz"), &bytes[..end]).unwrap();
         let error = read("megadepth", &src).unwrap_err();
@@ -331,8 +344,29 @@ fn megadepth_is_read_from_glue_factorys_texts() {
         found.frames[0].camera,
         Camera::pinhole(20.0, 21.0, 11.5, 8.0)
     );
-    assert_eq!(found.frames[1].camera.distortion.unwrap().k1, 0.125);
+    assert_eq!(
+        found.frames[1]
+            .camera
+            .distortion
+            .unwrap()
+            .brown()
+            .unwrap()
+            .k1,
+        0.125
+    );
     assert_eq!(x_of(&found.pairs.unwrap()[0]), 2.0);
+    assert_eq!(found.frames[0].depth, None);
+    // Depth comes from an HDF5 file.
+    let mut out = crate::arrays::Hdf5Out::default();
+    let values: Vec<f32> = (0..24 * 17).map(|i| i as f32 / 8.0).collect();
+    out.floats("depth".into(), &[17, 24], &values);
+    fs::create_dir_all(src.join("depths/p")).unwrap();
+    out.write(&src.join("depths/p/b.h5")).unwrap();
+    let found = read("megadepth", &src).unwrap();
+    let depth = found.frames[1].read_depth().unwrap().unwrap();
+    let at = |x, y| depth.at(nalgebra::Point2::new(x, y));
+    assert_eq!((at(0.0, 0.0), at(23.0, 16.0)), (None, Some(407.0 / 8.0)));
+    assert_eq!(at(10.4, 8.0), Some(202.0 / 8.0));
     // Images in `images`, but only if none lies beside the list.
     fs::create_dir(src.join("images")).unwrap();
     assert_eq!(

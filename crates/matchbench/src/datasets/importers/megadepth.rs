@@ -14,6 +14,9 @@
 //! Both come from COLMAP. cx, cy are half the size of the undistorted images, so the origin is the corner of
 //! the image, and half a pixel is subtracted here. Names are relative to the image root. This is the given folder,
 //! or else that of the file; for `views.txt` it is `images/` beside it, where that exists and no view lies beside the file.
+//!
+//! Depth is taken where its file exists: LoFTR's `depth_paths` (below the same root), or glue-factory's
+//! `depths/NAME.h5` beside `views.txt`. It has the unit of length of the poses.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -29,7 +32,7 @@ use super::pickle::{Id, Pickled, Value};
 use super::{ImportOptions, Imported, base_name};
 use crate::datasets::pairs::relative_pose;
 use crate::datasets::text::{self, TextFile};
-use crate::datasets::{DatasetError, Frame, Pair, Turn};
+use crate::datasets::{DatasetError, DepthFile, DepthUnit, Frame, Pair, Turn};
 use crate::files::read_file;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
@@ -108,6 +111,8 @@ struct Listing<'a> {
     images: &'a [Id],
     intrinsics: &'a [Id],
     poses: &'a [Id],
+    /// None where no depth is known.
+    depths: &'a [Id],
     pairs: &'a [Id],
 }
 
@@ -123,6 +128,7 @@ impl<'a> Listing<'a> {
             images: part("image_paths")?,
             intrinsics: part("intrinsics")?,
             poses: part("poses")?,
+            depths: part("depth_paths").unwrap_or_default(),
             pairs: part("pair_infos")?,
         })
     }
@@ -204,6 +210,9 @@ impl<'a> Listing<'a> {
         let camera = from_corner(camera.map_err(of_image)?);
         let pose = camera_from_world.inverse();
         let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
+        if let Some(Value::Text(name)) = value(self.depths) {
+            frames.set_depth(number, depth_at(root.join(name)));
+        }
         // Another file may name the image too.
         let known = frames.frame(number).world_from_camera;
         if known.is_some_and(|known| !is_same(&known, &pose)) {
@@ -214,6 +223,14 @@ impl<'a> Listing<'a> {
         }
         Ok(number)
     }
+}
+
+/// The depth in a file, if it exists.
+fn depth_at(path: PathBuf) -> Option<DepthFile> {
+    path.is_file().then_some(DepthFile {
+        path,
+        unit: DepthUnit::UNITS,
+    })
 }
 
 /// Whether two poses are the same but for rounding.
@@ -244,6 +261,7 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
     } else {
         options.root(folder)
     };
+    let depths = folder.join("depths");
     let pairs_file = TextFile::read(&folder.join("pairs.txt"))?;
     let mut frames = NamedFrames::default();
     let mut pairs = Vec::new();
@@ -257,6 +275,7 @@ fn read_views(file: &Path, options: &ImportOptions<'_>) -> Result<Imported, Data
                 *view.ok_or_else(|| format!("{name} is not in views.txt"))?;
             named.insert(line, (name, size));
             let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
+            frames.set_depth(number, depth_at(depths.join(name).with_extension("h5")));
             Ok::<_, String>((number, pose))
         };
         let both = next().and_then(|a| Ok((a, next()?)));

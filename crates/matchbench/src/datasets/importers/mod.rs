@@ -9,10 +9,12 @@ mod euroc;
 mod evd;
 mod folder;
 mod hpatches;
+mod image_pairs;
 mod imc;
 mod kitti;
 mod list;
 mod megadepth;
+mod nerf;
 mod once;
 mod options;
 mod oxford;
@@ -72,9 +74,9 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         id: "kitti",
-        help: "KITTI odometry: sequences/NN/{image_0,calib.txt}, poses/NN.txt",
+        help: "KITTI odometry: sequences/NN/{image_0 (to image_3),calib.txt}, poses/NN.txt",
         default_pairs: Some(PairRule::Fragments { length: 5 }),
-        options: &[Has::Pairs, Has::Camera, Has::Sequence],
+        options: &[Has::Pairs, Has::Camera, Has::Sequence, Has::Sensor],
         read: kitti::read,
     },
     Kind {
@@ -112,6 +114,13 @@ pub const KINDS: &[Kind] = &[
         read: superglue::read,
     },
     Kind {
+        id: "image-pairs",
+        help: "glue-factory's image_pairs: per line names, K, K, and R and t or a 4x4 T_0to1",
+        default_pairs: None,
+        options: &[Has::ImageRoot],
+        read: image_pairs::read,
+    },
+    Kind {
         id: "scannet",
         help: "ScanNet-1500 of LoFTR: test.npz, with intrinsics.npz",
         default_pairs: None,
@@ -143,6 +152,13 @@ pub const KINDS: &[Kind] = &[
         read: colmap::read,
     },
     Kind {
+        id: "nerf",
+        help: "NeRF, nerfstudio, instant-ngp: transforms.json (transforms_train.json ...)",
+        default_pairs: Some(PairRule::All),
+        options: &[Has::Pairs, Has::ImageRoot],
+        read: nerf::read,
+    },
+    Kind {
         id: "imc",
         help: "Image Matching Challenge: calibration_*.h5 (2020/21), or train_labels.csv (2025)",
         default_pairs: Some(PairRule::All),
@@ -151,9 +167,9 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         id: "euroc",
-        help: "EuRoC MAV: mav0/ with cam0/{sensor.yaml,data} and state_groundtruth_estimate0",
+        help: "EuRoC MAV: mav0/ with cam0 or cam1/{sensor.yaml,data}, state_groundtruth_estimate0",
         default_pairs: Some(PairRule::Fragments { length: 15 }),
-        options: &[Has::Pairs, Has::Tolerance, Has::Interpolate],
+        options: &[Has::Pairs, Has::Sensor, Has::Tolerance, Has::Interpolate],
         read: euroc::read,
     },
     Kind {
@@ -206,6 +222,8 @@ pub struct Imported {
     pub seen: Option<Vec<Vec<u64>>>,
     /// The sequence that was read, if the source may hold several: as the option of a sequence asks for it.
     pub sequence: Option<String>,
+    /// The camera that was read, if the source may have several: as the option of a sensor asks for it.
+    pub sensor: Option<String>,
 }
 
 /// What an import wrote.
@@ -307,7 +325,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
     let mut about = imported.about.clone();
     let rule = options.pairs.as_ref().or(kind.default_pairs.as_ref());
     let found = imported.frames.len();
-    let sequence = imported.sequence.clone();
+    let (sequence, sensor) = (imported.sequence.clone(), imported.sensor.clone());
     let (frames, pairs) = imported.paired(rule)?;
     if let Some(rule) = rule
         && rule.has_numbers()?
@@ -335,6 +353,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
     // What was chosen here is asked for, since the source may hold more elsewhere.
     let resolved = ImportOptions {
         sequence,
+        sensor,
         pairs: rule.cloned(),
         ..options.clone()
     };

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Fisheye, Lens};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::list_tests::{fixture, read, with_root, x_of};
@@ -90,9 +90,9 @@ fn damaged_models_are_refused() {
         fs::write(src.join(name), text).unwrap();
         error.to_string()
     };
-    let error = with("cameras.txt", "SIMPLE_RADIAL", "OPENCV_FISHEYE");
+    let error = with("cameras.txt", "SIMPLE_RADIAL", "THIN_PRISM_FISHEYE");
     assert!(
-        error.contains("the camera model OPENCV_FISHEYE is not supported"),
+        error.contains("the camera model THIN_PRISM_FISHEYE is not supported"),
         "{error}"
     );
     assert!(
@@ -229,14 +229,22 @@ fn a_dataset_survives_as_colmap_model_and_as_list() {
 fn lenses_survive_as_colmap_models() {
     let (folder, dir) = testing::dataset();
     let mut sequence = Sequence::open(&dir).unwrap();
-    let lens = |k3| Distortion {
-        k1: -0.2,
-        k2: 0.1,
-        p1: 0.001,
-        p2: -0.002,
-        k3,
+    let lens = |k3| {
+        Lens::Brown(Distortion {
+            k1: -0.2,
+            k2: 0.1,
+            p1: 0.001,
+            p2: -0.002,
+            k3,
+        })
     };
-    let lenses = [None, Some(lens(0.0)), Some(lens(-0.03)), None];
+    let fisheye = Lens::Fisheye(Fisheye {
+        k1: 0.04,
+        k2: -0.03,
+        k3: 0.02,
+        k4: -0.01,
+    });
+    let lenses = [None, Some(lens(0.0)), Some(lens(-0.03)), Some(fisheye)];
     for (frame, lens) in sequence.frames.iter_mut().zip(lenses) {
         frame.camera.distortion = lens;
     }
@@ -404,7 +412,10 @@ fn euroc_brings_the_camera_to_the_body() {
     let pose = found.frames[0].world_from_camera.unwrap();
     assert!((pose * Point3::new(1.0, 0.0, 0.0) - Point3::new(1.5, 3.0, 3.0)).norm() < 1e-12);
     let camera = found.frames[0].camera;
-    assert_eq!((camera.fy, camera.distortion.unwrap().p2), (21.0, 1.7e-5));
+    assert_eq!(
+        (camera.fy, camera.distortion.unwrap().brown().unwrap().p2),
+        (21.0, 1.7e-5)
+    );
     assert!(
         found.about.notes[0].starts_with("left out: ")
             && found.about.notes[0].ends_with(" (3.png)"),
@@ -522,6 +533,7 @@ fn an_option_that_a_kind_has_not_is_refused_with_those_that_have_it() {
     let (_folder, src) = source("any", &[("x", "")]);
     let every = ImportOptions {
         sequence: Some("1".into()),
+        sensor: Some("s".into()),
         pairs: Some("all".parse().unwrap()),
         camera: Some("k".into()),
         poses: Some("p".into()),

@@ -12,6 +12,8 @@ use crate::datasets::{Association, DatasetError, ImageStorage, PairRule};
 pub enum ImportOption {
     /// [`ImportOptions::sequence`].
     Sequence,
+    /// [`ImportOptions::sensor`].
+    Sensor,
     /// [`ImportOptions::pairs`].
     Pairs,
     /// [`ImportOptions::camera`].
@@ -33,6 +35,7 @@ impl fmt::Display for ImportOption {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Sequence => "--sequence",
+            Self::Sensor => "--sensor",
             Self::Pairs => "--pairs",
             Self::Camera => "--camera",
             Self::Poses => "--poses",
@@ -50,6 +53,8 @@ impl fmt::Display for ImportOption {
 pub struct ImportOptions<'a> {
     /// Which sequence of the source, if it holds several.
     pub sequence: Option<String>,
+    /// Which camera of the source, if it has several that are fixed to each other; the first that is there if absent.
+    pub sensor: Option<String>,
     /// Which pairs; the default of the kind if absent.
     pub pairs: Option<PairRule>,
     /// File with K (and distortion `k1 k2 p1 p2 [k3]`), which replaces the camera of the source.
@@ -87,6 +92,26 @@ impl ImportOptions<'_> {
             tolerance,
             interpolate: self.interpolate,
         })
+    }
+
+    /// The camera that is read, of those that a source may have: the given one, or the first that is there in `folder`.
+    pub(super) fn sensor_in(
+        &self,
+        folder: &Path,
+        all: &[&'static str],
+    ) -> Result<&'static str, DatasetError> {
+        let mut there = (all.iter()).filter(|name| folder.join(name).is_dir());
+        let Some(wanted) = &self.sensor else {
+            return Ok(there.next().unwrap_or(&all[0]));
+        };
+        if let Some(name) = all.iter().find(|name| *name == wanted) {
+            return Ok(name);
+        }
+        Err(DatasetError::new(
+            ImportOption::Sensor.to_string(),
+            format!("there is no camera `{wanted}`"),
+            format!("use one of {}", all.join(", ")),
+        ))
     }
 
     /// The folder to which image names are relative: the given one, or `beside`.
@@ -133,6 +158,7 @@ impl ImportOptions<'_> {
         let mut words = vec![kind.id.to_owned(), source.to_owned()];
         for (option, value) in [
             (ImportOption::Sequence, self.sequence.clone()),
+            (ImportOption::Sensor, self.sensor.clone()),
             (ImportOption::Pairs, rule),
             (ImportOption::Camera, self.camera.as_ref().map(name)),
             (ImportOption::Poses, self.poses.as_ref().map(name)),
@@ -161,6 +187,7 @@ impl ImportOptions<'_> {
     fn given(&self) -> impl Iterator<Item = ImportOption> {
         [
             (ImportOption::Sequence, self.sequence.is_some()),
+            (ImportOption::Sensor, self.sensor.is_some()),
             (ImportOption::Pairs, self.pairs.is_some()),
             (ImportOption::Camera, self.camera.is_some()),
             (ImportOption::Poses, self.poses.is_some()),

@@ -16,7 +16,7 @@
 
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Lens};
 
 use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
 use crate::datasets::text::TextFile;
@@ -114,7 +114,7 @@ fn calibration(name: &str) -> Option<Camera> {
     let is = |number: &str| {
         name.contains(&format!("freiburg{number}")) || name.contains(&format!("fr{number}"))
     };
-    let lens = |k1, k2, p1, p2, k3| Some(Distortion { k1, k2, p1, p2, k3 });
+    let lens = |k1, k2, p1, p2, k3| Some(Lens::Brown(Distortion { k1, k2, p1, p2, k3 }));
     let (camera, distortion) = if is("1") {
         (
             Camera::pinhole(517.3, 516.5, 318.6, 255.3),

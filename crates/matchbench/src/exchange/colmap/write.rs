@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::geometry::{Camera, RelativePose, essential_from_pose};
+use matchbench_vision::geometry::{Camera, Lens, RelativePose, essential_from_pose};
 use matchbench_vision::image::Size;
 use nalgebra::{Matrix3, UnitVector3, Vector2};
 use rusqlite::{Connection, MAIN_DB, params};
@@ -230,12 +230,17 @@ fn image_id(frame: u32) -> i64 {
     i64::from(frame) + 1
 }
 
-/// COLMAP's number of the camera's model and its parameters: PINHOLE (1), OPENCV (4) or, with a
-/// third radial coefficient, FULL_OPENCV (6).
+/// COLMAP's number of the camera's model and its parameters: PINHOLE (1), OPENCV (4), of a fisheye OPENCV_FISHEYE (5)
+/// or, with a third radial coefficient, FULL_OPENCV (6).
 fn model(camera: &Camera) -> (i64, Vec<f64>) {
     let mut numbers = vec![camera.fx, camera.fy, camera.cx + CENTER, camera.cy + CENTER];
-    let Some(lens) = camera.distortion else {
-        return (1, numbers);
+    let lens = match camera.distortion {
+        None => return (1, numbers),
+        Some(Lens::Fisheye(lens)) => {
+            numbers.extend([lens.k1, lens.k2, lens.k3, lens.k4]);
+            return (5, numbers);
+        }
+        Some(Lens::Brown(lens)) => lens,
     };
     numbers.extend([lens.k1, lens.k2, lens.p1, lens.p2]);
     if lens.k3 == 0.0 {

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::*;
-use crate::geometry::{Camera, Distortion, MatchedPoints, RelativePose};
+use crate::geometry::{Camera, Distortion, Lens, MatchedPoints, RelativePose};
 use crate::robust::{EarlyStop, FinalRefinement, Sampler, Score, presets};
 
 const CAMERA: Camera = Camera::pinhole(600.0, 610.0, 320.0, 240.0);
@@ -548,11 +548,11 @@ fn how_much_the_poses_of_a_plane_help() {
 /// Mean errors of `best` in degrees under a wide lens, with distances at depth 1 and in units of the image.
 fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 2] {
     let camera = Camera {
-        distortion: Some(Distortion {
+        distortion: Some(Lens::Brown(Distortion {
             k1: -0.28,
             k2: 0.07,
             ..Distortion::default()
-        }),
+        })),
         ..Camera::pinhole(450.0, 450.0, 320.0, 240.0)
     };
     [false, true].map(|tangent_sampson| {

@@ -1,5 +1,5 @@
 //! Converts COLMAP's camera models to ours. COLMAP has the origin of pixels at the corner of the image, we have
-//! it at the centre of the first pixel. Radial and tangential terms are the same.
+//! it at the centre of the first pixel. The coefficients are the same.
 //!
 //! | model | parameters |
 //! | --- | --- |
@@ -8,9 +8,10 @@
 //! | SIMPLE_RADIAL | f cx cy k1 |
 //! | RADIAL | f cx cy k1 k2 |
 //! | OPENCV | fx fy cx cy k1 k2 p1 p2 |
+//! | OPENCV_FISHEYE | fx fy cx cy k1 k2 k3 k4 |
 //! | FULL_OPENCV | fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6, where k4, k5 and k6 must be 0, since our lens model has no denominator |
 
-use matchbench_vision::geometry::{Camera, Distortion};
+use matchbench_vision::geometry::{Camera, Distortion, Fisheye, Lens};
 
 use crate::datasets::DatasetError;
 use crate::datasets::importers::list;
@@ -93,7 +94,7 @@ pub(in crate::datasets::importers) fn camera(
         [k1, k2, p1, p2, k3]
             .iter()
             .any(|&k| k != 0.0)
-            .then_some(lens)
+            .then_some(Lens::Brown(lens))
     };
     let lens = |k1, k2, p1, p2| full([k1, k2, p1, p2, 0.0]);
     let (pinhole, distortion) = match (model, params) {
@@ -102,6 +103,11 @@ pub(in crate::datasets::importers) fn camera(
         ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => ([f, f, cx, cy], lens(k1, 0.0, 0.0, 0.0)),
         ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f, cx, cy], lens(k1, k2, 0.0, 0.0)),
         ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => ([fx, fy, cx, cy], lens(k1, k2, p1, p2)),
+        ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
+            let lens = Fisheye { k1, k2, k3, k4 };
+            // Without coefficients too, it shows angles.
+            ([fx, fy, cx, cy], Some(Lens::Fisheye(lens)))
+        }
         ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
             if [k4, k5, k6].iter().any(|&k| k != 0.0) {
                 return Err(Unusable::lens(format!(
@@ -112,7 +118,7 @@ pub(in crate::datasets::importers) fn camera(
         }
         (
             known @ ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV"
-            | "FULL_OPENCV"),
+            | "OPENCV_FISHEYE" | "FULL_OPENCV"),
             _,
         ) => {
             let count = params.len();
@@ -121,7 +127,7 @@ pub(in crate::datasets::importers) fn camera(
         (other, _) => {
             return Err(Unusable::lens(format!(
                 "the camera model {other} is not supported: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, \
-                 RADIAL, OPENCV and FULL_OPENCV are"
+                 RADIAL, OPENCV, OPENCV_FISHEYE and FULL_OPENCV are"
             )));
         }
     };
@@ -150,13 +156,16 @@ mod tests {
             (found.fx, found.fy, found.cx, found.cy),
             (500.0, 510.0, 319.5, 239.5)
         );
-        let lens = found.distortion.unwrap();
+        let lens = found.distortion.unwrap().brown().unwrap();
         assert_eq!(
             (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3),
             (0.1, 0.2, 0.3, 0.4, 0.0)
         );
         let simple = camera("SIMPLE_RADIAL", &[500.0, 320.0, 240.0, 0.1]).unwrap();
-        assert_eq!((simple.fy, simple.distortion.unwrap().k1), (500.0, 0.1));
+        assert_eq!(
+            (simple.fy, simple.distortion.unwrap().brown().unwrap().k1),
+            (500.0, 0.1)
+        );
         assert_eq!(
             camera("RADIAL", &[9.0, 3.0, 2.0, 0.0, 0.0])
                 .unwrap()
@@ -176,7 +185,8 @@ mod tests {
         let mut params = vec![
             500.0, 510.0, 320.0, 240.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0,
         ];
-        let lens = camera("FULL_OPENCV", &params).unwrap().distortion.unwrap();
+        let lens = camera("FULL_OPENCV", &params).unwrap();
+        let lens = lens.distortion.unwrap().brown().unwrap();
         assert_eq!((lens.k1, lens.p2, lens.k3), (0.1, 0.4, 0.5));
         params[11] = 1e-3;
         let divided = camera("FULL_OPENCV", &params).unwrap_err();
