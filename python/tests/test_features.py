@@ -2,8 +2,10 @@
 
 import json
 import os
+import struct
 import subprocess
 import sys
+import zlib
 
 import matchbench as mb
 import numpy as np
@@ -32,14 +34,54 @@ def test_every_feature_fills_every_array(kind, images):
     assert json.loads(json.dumps(kind().params)) == kind(**kind().params).params
 
 
-def test_colour_is_red_green_blue_and_strides_do_not_matter(images):
-    gray = images[0]
-    rgb = np.repeat(gray[:, :, None], 3, axis=2)
-    expected = mb.ORB().extract(gray).keypoints
-    assert np.array_equal(mb.ORB().extract(rgb).keypoints, expected)
-    turned = np.ascontiguousarray(gray.T).T
-    assert not turned.flags.c_contiguous
-    assert np.array_equal(mb.ORB().extract(turned).keypoints, expected)
+@pytest.fixture(scope="module")
+def rgb(images):
+    """An image whose three channels are unlike each other: two pictures, and a ramp."""
+    ramp = np.broadcast_to(np.linspace(0, 255, images[0].shape[1]).astype(np.uint8), images[0].shape)
+    return np.stack([images[0], images[1], ramp], axis=2)
+
+
+def png(rgb):
+    """The bytes of a PNG file."""
+    height, width, _ = rgb.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in rgb)
+    parts = [(b"IHDR", struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+    chunks = [struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in parts]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
+def same_features(found, expected):
+    equal = np.array_equal(found.keypoints, expected.keypoints)
+    return equal and np.array_equal(found.descriptors, expected.descriptors)
+
+
+def test_colour_is_red_green_blue_as_in_a_png_file(rgb, tmp_path):
+    gray = (rgb @ np.array([9797, 19234, 3737]) >> 15).astype(np.uint8)
+    path = tmp_path / "colour.png"
+    path.write_bytes(png(rgb))
+    assert np.array_equal(mb.read_gray(path), gray)
+    expected = mb.SIFT().extract(gray)
+    assert len(expected) > 20 and same_features(mb.SIFT().extract(rgb), expected)
+    rounded = (rgb @ np.array([19595, 38470, 7471]) + 2**15 >> 16).astype(np.uint8)  # as in a JPEG file
+    for other in (rounded, rgb[:, :, ::-1]):
+        assert not same_features(mb.SIFT().extract(other), expected)
+    matches = mb.matcher("sift").match(rgb, gray)
+    assert len(matches) > 20 and np.array_equal(matches.points_a, matches.points_b)
+
+
+def test_colour_is_blue_green_red_where_opencv_has_it_so(rgb):
+    bgr = np.ascontiguousarray(rgb[:, :, ::-1])
+    keypoints, descriptors = mb.SIFT_create().detectAndCompute(bgr, None)
+    expected = mb.SIFT().extract(rgb)
+    assert [key.pt for key in keypoints] == [tuple(at) for at in expected.keypoints.tolist()]
+    assert np.array_equal(descriptors, expected.descriptors)
+
+
+def test_strides_do_not_matter(images, rgb):
+    for image, axes in [(images[0], (1, 0)), (rgb, (2, 0, 1))]:
+        turned = np.ascontiguousarray(image.transpose(axes)).transpose(np.argsort(axes))
+        assert not turned.flags.c_contiguous and np.array_equal(turned, image)
+        assert same_features(mb.ORB().extract(turned), mb.ORB().extract(image))
 
 
 @pytest.mark.parametrize(

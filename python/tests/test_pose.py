@@ -1,8 +1,11 @@
 """Pose estimation: ours, and by PoseLib's arguments and keys."""
 
+import json
+
 import matchbench as mb
 import numpy as np
 import pytest
+from matchbench import _pose
 
 
 @pytest.fixture(scope="module")
@@ -16,6 +19,16 @@ def angle(a, b):
     """Degrees between two rotations or directions."""
     cosine = (np.trace(a.T @ b) - 1) / 2 if a.ndim == 2 else a @ b / np.linalg.norm(b)
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def rotation(q):
+    """The matrix of a quaternion w, x, y, z."""
+    w, x, y, z = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
 
 
 def poselib_camera(camera, shift=0.0):
@@ -61,8 +74,8 @@ def test_what_a_pose_says_of_itself(matches, dataset):
     wrong = mb.estimator("best").estimate(matches.points_a, matches.points_b[random], camera, camera)
     assert 0 <= wrong.confidence < pose.confidence / 2 and pose.confidence <= 1
     assert wrong.overlap_probability < 0.5 < pose.overlap_probability
-    w, *xyz = pose.q
-    assert abs(2 * np.arccos(min(1, abs(w))) - np.radians(angle(pose.R, np.eye(3)))) < 1e-6 and len(xyz) == 3
+    assert angle(pose.R, np.eye(3)) > 1 and angle(pose.R, pose.R.T) > 1
+    np.testing.assert_allclose(rotation(pose.q), pose.R, atol=1e-12)
 
 
 def test_poselibs_function(matches, dataset):
@@ -73,7 +86,8 @@ def test_poselibs_function(matches, dataset):
     )
     assert info["num_inliers"] == sum(info["inliers"]) and len(info["inliers"]) == len(a)
     assert info["inlier_ratio"] == info["num_inliers"] / len(a) and info["iterations"] > 0
-    assert pose.Rt.shape == (3, 4) and np.linalg.det(pose.R) == pytest.approx(1)
+    assert np.array_equal(pose.Rt, np.column_stack([pose.R, pose.t])) and np.linalg.det(pose.R) == pytest.approx(1)
+    np.testing.assert_allclose(rotation(pose.q), pose.R, atol=1e-12)
     ours = mb.estimator("best", sampler="uniform", threshold_px=2, final_loss="truncated").estimate(
         a, b, camera, camera, seed=3
     )
@@ -85,6 +99,10 @@ def test_poselibs_function(matches, dataset):
         assert 0 < short["iterations"] <= 100
 
 
+def test_the_least_number_of_samples_is_that_of_best():
+    assert json.loads(mb.estimator("best").params_json)["min_iterations"] == _pose._LEAST_ITERATIONS
+
+
 def test_colmaps_origin_is_taken_off(matches, dataset):
     a, b = matches.points_a, matches.points_b
     camera = dataset.camera(0)
@@ -92,6 +110,15 @@ def test_colmaps_origin_is_taken_off(matches, dataset):
     centred, _ = mb.estimate_relative_pose(a, b, camera, camera)
     moved, _ = mb.estimate_relative_pose(a, b, corner, corner, origin="corner")
     np.testing.assert_allclose(moved.R, centred.R, atol=1e-12)
+    lens = (0.01, -0.02, 0.001, 0.002, 0.003)
+    bent = mb.Camera(camera.fx, camera.fy, camera.cx, camera.cy, lens)
+    bent_corner = mb.Camera(camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5, lens)
+    # Not the camera of the images; but the pose depends on every number of it.
+    found, _ = mb.estimate_relative_pose(a, b, bent, bent)
+    moved, _ = mb.estimate_relative_pose(a, b, bent_corner, bent_corner, origin="corner")
+    unmoved, _ = mb.estimate_relative_pose(a, b, bent_corner, bent_corner)
+    np.testing.assert_allclose(moved.R, found.R, atol=1e-12)
+    assert angle(found.R, centred.R) > 1e-3 and angle(found.R, unmoved.R) > 1e-4
     assert mb.Camera(500, 500, 320, 240, origin="corner").cx == 319.5
     with pytest.raises(ValueError, match="origin"):
         mb.estimate_relative_pose(a, b, camera, camera, origin="middle")
@@ -133,6 +160,15 @@ def test_cameras_by_colmaps_names():
     assert repr(fisheye) == "Camera(500, 501, 320, 240, fisheye=(0.1, -0.2, 0.01, 0.02))"
     with pytest.raises(ValueError, match="not both"):
         mb.Camera(500, 501, 320, 240, (0.1, 0, 0, 0), (0.1, 0, 0, 0))
+    for model, params, expected in [
+        ("SIMPLE_PINHOLE", [500, 320, 240], mb.Camera(500, 500, 320, 240)),
+        ("PINHOLE", [500, 501, 320, 240], mb.Camera(500, 501, 320, 240)),
+        ("SIMPLE_RADIAL", [500, 320, 240, 0.1], mb.Camera(500, 500, 320, 240, (0.1, 0, 0, 0))),
+        ("RADIAL", [500, 320, 240, 0.1, -0.2], mb.Camera(500, 500, 320, 240, (0.1, -0.2, 0, 0))),
+    ]:
+        assert mb.Camera.from_model(model, params, origin="center") == expected
+        corner = mb.Camera.from_model(model, params, origin="corner")
+        assert (corner.cx, corner.cy) == (319.5, 239.5) and corner.distortion == expected.distortion
     for model, params in [("FISHEYE", [1]), ("PINHOLE", [500, 320, 240])]:
         with pytest.raises(ValueError, match="SIMPLE_RADIAL"):
             mb.Camera.from_model(model, params, origin="center")

@@ -4,6 +4,7 @@ import _thread
 import functools
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -360,6 +361,19 @@ def test_datasets_are_imported(dataset, images, tmp_path):
         mb.import_dataset("flickr", source, tmp_path / "other")
     with pytest.raises(ValueError, match="link"):
         mb.import_dataset("folder", source, tmp_path / "other", images="steal")
+
+
+def test_true_homographies_are_rows_of_their_file(dataset, tmp_path):
+    folder = tmp_path / "plane"
+    shutil.copytree(dataset.path, folder)
+    truth = [1.1, 0.1, 20, -0.2, 0.9, 5, 1e-4, -2e-4, 1]
+    a, b = dataset.pairs[1]
+    (folder / "homographies.txt").write_text(f"{a} {b} {' '.join(map(str, truth))}\n")
+    opened = mb.Dataset.open(folder)
+    assert np.array_equal(opened.pairs, dataset.pairs) and np.isnan(dataset.homographies).all()
+    found = opened.homographies[1]
+    np.testing.assert_allclose(found / found[2, 2], np.reshape(truth, (3, 3)), rtol=1e-12)
+    assert np.isnan(opened.homographies[[0, 2]]).all()
 
 
 def test_ctrl_c_from_the_outside(dataset, tmp_path):
