@@ -1,5 +1,6 @@
 """What the tests share: a small rendered dataset, a run of the command line on it."""
 
+import os
 import signal
 import struct
 import subprocess
@@ -11,6 +12,29 @@ import pytest
 
 # A shell that starts programs in the background lets them ignore Ctrl-C; tests of it need Python's own handler.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# With MATCHBENCH_NO_SKIPS=1 a test that would be skipped fails, and says what is missing.
+NO_SKIPS = os.environ.get("MATCHBENCH_NO_SKIPS", "") not in ("", "0")
+
+
+def _refuse_skip(report):
+    if NO_SKIPS and report.skipped and not hasattr(report, "wasxfail"):
+        *_, reason = report.longrepr
+        report.outcome, report.longrepr = "failed", f"MATCHBENCH_NO_SKIPS is set. {reason}"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport():
+    """The report of one test."""
+    return _refuse_skip((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report():
+    """The report of a file of tests, which may be skipped as a whole."""
+    return _refuse_skip((yield))
+
 
 MATCHERS = ["sift", "orb"]
 ESTIMATORS = ["ransac-e", "best"]
