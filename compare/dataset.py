@@ -71,5 +71,22 @@ def read_dataset(folder):
     images = images_of(folder)
     shared, own = cameras_of(folder)
     cameras = [own.get(index, shared) for index in range(len(images))]
-    pairs = [tuple(map(int, line.split()[:2])) for line in open(folder / "pairs.txt") if line.strip()]
-    return images, cameras, pairs
+    return images, cameras, list(true_poses(folder))
+
+
+def rows_of(path):
+    """The words of each row that is neither empty nor a comment."""
+    rows = (line.split() for line in path.read_text(encoding="utf-8-sig").splitlines())
+    return [row for row in rows if row and not row[0].startswith("#")]
+
+
+def true_poses(folder):
+    """The pairs (a, b) of `pairs.txt`, in their order, each with its true pose [R t], 3 x 4."""
+    rows = rows_of(folder / "pairs.txt")
+    return {(int(row[0]), int(row[1])): np.array(row[2:14], float).reshape(3, 4) for row in rows}
+
+
+def true_homographies(folder):
+    """The pairs (a, b) of `homographies.txt`, each with its true homography."""
+    rows = rows_of(folder / "homographies.txt")
+    return {(int(row[0]), int(row[1])): np.array(row[2:11], float).reshape(3, 3) for row in rows}

@@ -2,13 +2,13 @@
 
     python compare/estimators.py RUN DATASET MATCHER --truth DATASET_FOLDER [--every 3] [--seeds 5] [--only "best;COLMAP"]
 
-RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` (one camera, no
-distortion) and `pairs.txt`. Pairs are divided into chunks.
-Within a chunk all estimators run one after the other, so that changes in the speed of the machine affect all of them. AUC
-is the mean over seeds, with its standard deviation. OpenCV has one seed, so its matches are given in another order each
-time. A pose counts if at least 10 matches support it, as in matchbench. Needs `cargo build --release -p matchbench-compare`, and
-poselib and pycolmap from PyPI (`requirements.txt`). pysuperansac is on PyPI only for Python 3.11 on Linux; if it is not
-installed, it is left out with a message.
+RUN is the folder of a `matchbench run`; DATASET_FOLDER holds `camera.txt` (one camera, no distortion) and `pairs.txt`.
+Pairs are divided into chunks. Within a chunk all estimators run one after the other, so that changes in the speed of the
+machine affect all of them. AUC is the mean over seeds, with its standard deviation. OpenCV has one seed, so its matches are
+given in another order each time. A pose of any of them counts if at least 10 of at least 20 matches lie in front of both
+cameras, as in matchbench (`judge.py`). Needs `cargo build --release -p matchbench-compare`, and poselib and pycolmap from
+PyPI (`requirements.txt`). pysuperansac is on PyPI only for Python 3.11 on Linux; if it is not installed, it is left out
+with a message.
 """
 
 import argparse
@@ -25,8 +25,9 @@ import poselib
 import pycolmap
 
 import superansac
-from dataset import one_camera
-from pose import MIN_SUPPORT, POSE, auc, pose_error
+from dataset import one_camera, true_poses
+from judge import judged, mean_auc, pose_error
+from pose import POSE
 from stored import stored
 
 
@@ -67,8 +68,7 @@ def ours(chunk, k, settings, seed):
             yield None, float(words[3]) / 1e6
         else:
             numbers = np.array(words[6:], float)
-            pose = (numbers[:9].reshape(3, 3), numbers[9:]) if int(words[3]) >= MIN_SUPPORT else None
-            yield pose, float(words[5]) / 1e6
+            yield (numbers[:9].reshape(3, 3), numbers[9:]), float(words[5]) / 1e6
 
 
 def peer_poselib(matches, k, options, seed):
@@ -79,7 +79,8 @@ def peer_poselib(matches, k, options, seed):
         return None, time.perf_counter() - start
     pose, info = poselib.estimate_relative_pose(matches[:, :2], matches[:, 2:4], camera, camera, options, {})
     seconds = time.perf_counter() - start
-    return ((pose.R, pose.t) if info["num_inliers"] >= MIN_SUPPORT else None), seconds
+    # Where it finds none, it returns a pose that no match agrees with.
+    return ((pose.R, pose.t) if info["num_inliers"] else None), seconds
 
 
 def peer_colmap(matches, k, options, seed):
@@ -91,7 +92,7 @@ def peer_colmap(matches, k, options, seed):
         return None, time.perf_counter() - start
     found = pycolmap.estimate_essential_matrix(matches[:, :2], matches[:, 2:4], camera, camera, options)
     seconds = time.perf_counter() - start
-    if found is None or found["num_inliers"] < MIN_SUPPORT:
+    if found is None:
         return None, seconds
     pose = found["cam2_from_cam1"].matrix()
     return (pose[:, :3], pose[:, 3]), seconds
@@ -105,8 +106,8 @@ def peer_opencv(matches, k, method, samples=1000):
     e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, 1.0, samples)
     if e is None or e.shape != (3, 3):
         return None, time.perf_counter() - start
-    support, r, t, _ = cv2.recoverPose(e, a, b, k)
-    return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
+    _, r, t, _ = cv2.recoverPose(e, a, b, k)
+    return (r, t.ravel()), time.perf_counter() - start
 
 
 def shuffled(key, matches, seed):
@@ -152,13 +153,16 @@ def arguments(about, seeds):
 def read(args):
     """The camera matrix, the stored matches of the chosen pairs, and a function that gives the error of a pose."""
     k = one_camera(args.truth)
-    truth = {(int(r[0]), int(r[1])): r[2:14].reshape(3, 4) for r in np.loadtxt(args.truth / "pairs.txt")}
+    truth = true_poses(args.truth)
     pairs = sorted(stored(args.run / "matches" / args.dataset / f"{args.matcher}.bin"), key=lambda p: p[0])
+    pairs = pairs[:: args.every]
+    matches = dict(pairs)
 
     def error(key, pose):
-        return 180.0 if pose is None else pose_error(*pose, truth[key][:, :3], truth[key][:, 3])
+        pose = judged(pose, matches[key], k)
+        return 180.0 if pose is None else pose_error(pose, truth[key])
 
-    return k, pairs[:: args.every], error
+    return k, pairs, error
 
 
 def main():
@@ -193,7 +197,7 @@ def main():
     print(f"{args.dataset}, {args.matcher}: {len(pairs)} pairs, {args.seeds} seeds, {versions()}")
     print(f"{'':28} {'AUC':>6} {'+-':>6} {'median ms':>10} {'90 % ms':>10}")
     for name, by_seed in results.items():
-        aucs = [auc([error for error, _ in rows]) for rows in by_seed]
+        aucs = [mean_auc([error for error, _ in rows]) for rows in by_seed]
         deviation = statistics.stdev(aucs) if len(aucs) > 1 else 0.0
         low, high = np.percentile([seconds * 1e3 for rows in by_seed for _, seconds in rows], [50, 90])
         print(f"{name:28} {statistics.mean(aucs):6.3f} {deviation:6.3f} {low:10.2f} {high:10.2f}")

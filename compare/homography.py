@@ -20,7 +20,8 @@ import cv2
 import numpy as np
 import poselib
 
-from dataset import images_of
+from dataset import images_of, true_homographies
+from judge import exact_auc
 from pixels import GRAY
 from stored import stored
 
@@ -81,19 +82,9 @@ def corner_error(estimate, truth, size):
     return error if np.isfinite(error) else np.inf
 
 
-def auc(errors, limit):
-    errors = np.sort(errors)
-    recall = np.arange(1, len(errors) + 1) / len(errors)
-    below = errors < limit
-    x = np.concatenate([[0], errors[below], [limit]])
-    y = np.concatenate([[0], recall[below], [recall[below][-1] if below.any() else 0]])
-    return np.trapezoid(y, x) / limit
-
-
 def dataset(folder):
     """The true homographies, and the size of each first image."""
-    rows = np.loadtxt(folder / "homographies.txt", ndmin=2)
-    truth = {(int(r[0]), int(r[1])): r[2:11].reshape(3, 3) for r in rows}
+    truth = true_homographies(folder)
     images = images_of(folder)
     return truth, {a: cv2.imread(str(images[a]), GRAY).shape[::-1] for a, _ in truth}
 
@@ -123,7 +114,7 @@ def main():
     print(f"{'matcher':<10}{'estimator':<22}" + "".join(f"AUC@{k:<6}" for k in LIMITS) + "median ms   mean ms")
     for (matcher, name), rows in results.items():
         errors, seconds = np.array(rows).T
-        scores = "".join(f"{auc(errors, k):<10.3f}" for k in LIMITS)
+        scores = "".join(f"{exact_auc(errors, k):<10.3f}" for k in LIMITS)
         print(f"{matcher:<10}{name:<22}{scores}{1e3 * np.median(seconds):9.2f}{1e3 * seconds.mean():10.2f}")
 
 

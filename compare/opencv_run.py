@@ -18,10 +18,8 @@ import cv2
 import numpy as np
 
 from dataset import read_dataset
+from judge import MIN_SELECTED, MIN_SUPPORT, ratio_matches
 from pixels import GRAY
-
-RATIO = 0.8
-NEEDED_MATCHES, NEEDED_SUPPORT = 20, 10
 
 # id -> (detector, describer or None if one object does both, norm)
 MATCHERS = {
@@ -64,20 +62,13 @@ def extract(matcher, path):
 def match(matcher, search, a, b):
     """Indices of the matches that pass the ratio test."""
     norm = MATCHERS[matcher][2]
-    if a is None or b is None or len(b) < 2:
-        return np.empty((0, 2), int)
-    if norm == cv2.NORM_L2 and search == "flann":
-        finder = cv2.FlannBasedMatcher()
-    else:
-        finder = cv2.BFMatcher(norm)
-    candidates = finder.knnMatch(a, b, k=2)
-    kept = [m[0] for m in candidates if len(m) == 2 and m[0].distance < RATIO * m[1].distance]
-    return np.array([(m.queryIdx, m.trainIdx) for m in kept], int).reshape(-1, 2)
+    approximate = norm == cv2.NORM_L2 and search == "flann"
+    return ratio_matches(a, b, cv2.FlannBasedMatcher() if approximate else cv2.BFMatcher(norm))
 
 
 def estimate(points_a, points_b, camera_a, camera_b):
     """R, t and support, or None."""
-    if len(points_a) < NEEDED_MATCHES:
+    if len(points_a) < MIN_SELECTED:
         return None
     if np.array_equal(camera_a, camera_b):
         camera = camera_a
@@ -95,7 +86,7 @@ def estimate(points_a, points_b, camera_a, camera_b):
     if essential is None or essential.shape != (3, 3):
         return None
     support, rotation, translation, _ = cv2.recoverPose(essential, points_a, points_b, camera)
-    return (rotation, translation, support) if support >= NEEDED_SUPPORT else None
+    return (rotation, translation, support) if support >= MIN_SUPPORT else None
 
 
 def main():

@@ -23,8 +23,8 @@ import numpy as np
 
 import estimators
 import superansac
+from judge import mean_auc
 from machine import processor
-from pose import auc
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -168,7 +168,7 @@ def main():
     errors, seconds = measure(pairs, error, k, args.seeds, curves)
     rows = []
     for (curve, budget), by_seed in errors.items():
-        scores = [auc(list(found)) for found in by_seed]
+        scores = [mean_auc(list(found)) for found in by_seed]
         low, high = np.percentile(np.array(seconds[curve, budget]) * 1e3, [50, 90])
         row = {
             "estimator": curve,

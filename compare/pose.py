@@ -18,12 +18,12 @@ import time
 import cv2
 import numpy as np
 
-from dataset import images_in, one_camera
+from dataset import images_in, one_camera, true_poses
+from judge import MIN_SELECTED, judged, mean_auc, pose_error, ratio_matches
 from pixels import GRAY
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 POSE = ROOT / "target" / "release" / "pose"
-MIN_SELECTED, MIN_SUPPORT = 20, 10
 CHUNK = 24
 
 
@@ -37,32 +37,17 @@ def sift_features(images, width):
             size = (width, round(image.shape[0] * scale))
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         keypoints, descriptors = sift.detectAndCompute(image, None)
-        yield np.array([k.pt for k in keypoints]), descriptors, scale
-
-
-def ratio_matches(a, b, ratio=0.8):
-    two = cv2.BFMatcher(cv2.NORM_L2).knnMatch(a[1], b[1], k=2)
-    kept = [m for m, second in two if m.distance < ratio * second.distance]
-    rows_a = [m.queryIdx for m in kept]
-    rows_b = [m.trainIdx for m in kept]
-    return a[0][rows_a].reshape(-1, 2), b[0][rows_b].reshape(-1, 2)
-
-
-def pose_error(r, t, r_true, t_true):
-    """The larger of the two angles in degrees; the sign of the translation counts."""
-    rotation = np.arccos(np.clip((np.trace(r.T @ r_true) - 1) / 2, -1, 1))
-    cosine = t.ravel() @ t_true / np.linalg.norm(t) / np.linalg.norm(t_true)
-    return np.degrees(max(rotation, np.arccos(np.clip(cosine, -1, 1))))
+        yield np.array([k.pt for k in keypoints], float).reshape(-1, 2), descriptors, scale
 
 
 def opencv(points_a, points_b, k):
-    """Pose, inliers, support and seconds."""
+    """Pose, inliers and seconds."""
     start = time.perf_counter()
     e, mask = cv2.findEssentialMat(points_a, points_b, k, cv2.RANSAC, 0.999, 1.0)
     if e is None or e.shape != (3, 3):
-        return None, 0, 0, time.perf_counter() - start
-    support, r, t, _ = cv2.recoverPose(e, points_a, points_b, k)
-    return (r, t), int(mask.sum()), support, time.perf_counter() - start
+        return None, 0, time.perf_counter() - start
+    _, r, t, _ = cv2.recoverPose(e, points_a, points_b, k)
+    return (r, t), int(mask.sum()), time.perf_counter() - start
 
 
 def ours(pairs, k, seed):
@@ -78,17 +63,12 @@ def ours(pairs, k, seed):
     for line in lines.stdout.splitlines():
         words = line.split()
         if words[2] == "none":
-            yield words[0], (None, 0, 0, float(words[3]) * 1e-6, 0)
+            yield words[0], (None, 0, float(words[3]) * 1e-6, 0)
         else:
-            inliers, support, iterations = map(int, words[2:5])
+            inliers, iterations = int(words[2]), int(words[4])
             numbers = np.array(words[6:], float)
             pose = numbers[:9].reshape(3, 3), numbers[9:]
-            yield words[0], (pose, inliers, support, float(words[5]) * 1e-6, iterations)
-
-
-def auc(errors):
-    errors = np.array(errors)
-    return np.mean([np.mean(errors < k) for k in range(1, 16)])
+            yield words[0], (pose, inliers, float(words[5]) * 1e-6, iterations)
 
 
 def main():
@@ -102,18 +82,16 @@ def main():
     cv2.setNumThreads(1)
 
     k = one_camera(options.dataset)
-    rows = np.loadtxt(options.dataset / "pairs.txt")[:: options.every]
     features = list(sift_features(images_in(options.images), options.width))
     scale = features[0][2]
     # Pixel centres are at integers, so the principal point is moved by half a pixel, scaled and moved back.
     k = np.array([[k[0, 0] * scale, 0, (k[0, 2] + 0.5) * scale - 0.5],
                   [0, k[1, 1] * scale, (k[1, 2] + 0.5) * scale - 0.5], [0, 0, 1]])
-    truth, matches = {}, []
-    for row in rows:
-        a, b = int(row[0]), int(row[1])
-        pose = row[2:14].reshape(3, 4)
-        truth[f"{a}-{b}"] = pose[:, :3], pose[:, 3]
-        matches.append((f"{a}-{b}", *ratio_matches(features[a], features[b])))
+    truth, matches, finder = {}, [], cv2.BFMatcher(cv2.NORM_L2)
+    for (a, b), pose in list(true_poses(options.dataset).items())[:: options.every]:
+        truth[f"{a}-{b}"] = pose
+        indices = ratio_matches(features[a][1], features[b][1], finder)
+        matches.append((f"{a}-{b}", features[a][0][indices[:, 0]], features[b][0][indices[:, 1]]))
     enough = [pair for pair in matches if len(pair[1]) >= MIN_SELECTED]
     print(f"{len(matches)} pairs, {len(enough)} with {MIN_SELECTED} matches or more, "
           f"median {int(np.median([len(m[1]) for m in matches]))} matches, OpenCV {cv2.__version__}")
@@ -131,14 +109,14 @@ def main():
             found = dict(ours(chunk, k, seed))
             for name, a, b in chunk:
                 mine, theirs = found[name], opencv(a, b, k)
-                hopeless.append(mine[4] == 1000)
+                hopeless.append(mine[3] == 1000)
                 inliers.append((theirs[1], mine[1]))
-                for who, (pose, _, support, seconds) in (("opencv", theirs), ("ours", mine[:4])):
-                    good = pose is not None and support >= MIN_SUPPORT
-                    errors[who].append(pose_error(*pose, *truth[name]) if good else 180.0)
+                for who, (pose, _, seconds) in (("opencv", theirs), ("ours", mine[:3])):
+                    pose = judged(pose, np.hstack([a, b]), k)
+                    errors[who].append(180.0 if pose is None else pose_error(pose, truth[name]))
                     times[who].append(seconds)
         for who in results:
-            results[who].append(auc(errors[who]))
+            results[who].append(mean_auc(errors[who]))
         print(f"seed {seed}: AUC opencv {results['opencv'][-1]:.4f}, ours {results['ours'][-1]:.4f}")
         sys.stdout.flush()
 

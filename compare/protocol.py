@@ -18,16 +18,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dataset import read_dataset
-from opencv_run import MATCHERS, RATIO
+from dataset import read_dataset, true_poses
+from judge import direction_angle, exact_auc, ratio_matches, rotation_angle
+from opencv_run import MATCHERS
 from pixels import GRAY
 
 SIZE = (640, 480)
-
-
-def read_truth(folder):
-    rows = [line.split() for line in open(folder / "pairs.txt") if line.strip()]
-    return {(int(row[0]), int(row[1])): np.array(row[2:14], float).reshape(3, 4) for row in rows}
 
 
 def features(matcher, path):
@@ -36,14 +32,6 @@ def features(matcher, path):
     ratios = np.array([image.shape[1] / SIZE[0], image.shape[0] / SIZE[1]])
     keypoints, descriptors = MATCHERS[matcher][0]().detectAndCompute(cv2.resize(image, SIZE), None)
     return np.array([k.pt for k in keypoints], np.float64).reshape(-1, 2), descriptors, ratios
-
-
-def ratio_matches(a, b, norm):
-    if a is None or b is None or len(b) < 2:
-        return np.empty((0, 2), int)
-    candidates = cv2.BFMatcher(norm).knnMatch(a, b, k=2)
-    kept = [m[0] for m in candidates if len(m) == 2 and m[0].distance < RATIO * m[1].distance]
-    return np.array([(m.queryIdx, m.trainIdx) for m in kept], int).reshape(-1, 2)
 
 
 def error(points, cameras, truth):
@@ -63,20 +51,8 @@ def error(points, cameras, truth):
     if pose is None:
         return np.inf
     rotation, translation = pose
-    turned = np.degrees(np.arccos(np.clip((np.trace(rotation.T @ truth[:, :3]) - 1) / 2, -1, 1)))
-    cosine = translation @ truth[:, 3] / np.linalg.norm(translation) / np.linalg.norm(truth[:, 3])
-    moved = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return max(turned, min(moved, 180 - moved))
-
-
-def auc(errors, limit):
-    errors = np.sort(errors)
-    recall = np.arange(1, len(errors) + 1) / len(errors)
-    below = errors < limit
-    x = np.r_[0.0, errors[below], limit]
-    y = np.r_[0.0, recall[below]]
-    y = np.r_[y, y[-1]]
-    return float(np.sum((x[1:] - x[:-1]) * (y[1:] + y[:-1]) / 2) / limit)
+    moved = direction_angle(translation, truth[:, 3])
+    return max(rotation_angle(rotation, truth[:, :3]), min(moved, 180 - moved))
 
 
 def main():
@@ -89,13 +65,14 @@ def main():
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     images, cameras, pairs = read_dataset(arguments.dataset)
-    pairs, truth = pairs[:: arguments.every], read_truth(arguments.dataset)
+    pairs, truth = pairs[:: arguments.every], true_poses(arguments.dataset)
     lines = ["matcher,pairs,exact_auc_5,exact_auc_5_deviation,exact_auc_10,exact_auc_10_deviation,"
              "exact_auc_20,exact_auc_20_deviation"]
     for matcher in arguments.matchers.split(","):
         used = {frame: features(matcher, images[frame]) for frame in sorted({f for p in pairs for f in p})}
         scaled = {f: np.diag([1 / r[0], 1 / r[1], 1]) @ cameras[f] for f, (_, _, r) in used.items()}
-        matches = {(a, b): ratio_matches(used[a][1], used[b][1], MATCHERS[matcher][2]) for a, b in pairs}
+        finder = cv2.BFMatcher(MATCHERS[matcher][2])
+        matches = {(a, b): ratio_matches(used[a][1], used[b][1], finder) for a, b in pairs}
         aucs = []
         for run in range(arguments.runs):
             errors = []
@@ -104,7 +81,7 @@ def main():
                 shuffled = matches[a, b][order]
                 points = used[a][0][shuffled[:, 0]], used[b][0][shuffled[:, 1]]
                 errors.append(error(points, (scaled[a], scaled[b]), truth[a, b]))
-            aucs.append([auc(errors, limit) for limit in (5, 10, 20)])
+            aucs.append([exact_auc(errors, limit) for limit in (5, 10, 20)])
         mean, deviation = np.mean(aucs, axis=0), np.std(aucs, axis=0, ddof=1)
         columns = [f"{x:.4f}" for pair in zip(mean, deviation) for x in pair]
         lines.append(",".join([matcher, str(len(pairs)), *columns]))

@@ -21,6 +21,7 @@ import numpy as np
 import poselib
 import pycolmap
 
+from judge import rotation_angle
 from machine import processor
 from pixels import GRAY
 
@@ -41,10 +42,6 @@ def near(ours, theirs, radius=0.5):
     index = cv2.flann_Index(np.ascontiguousarray(ours, np.float32), {"algorithm": 1, "trees": 1})
     _, squared = index.knnSearch(np.ascontiguousarray(theirs, np.float32), 1, params={"checks": -1})
     return float((squared[:, 0] <= radius**2).mean())
-
-
-def degrees(a, b):
-    return float(np.degrees(np.arccos(np.clip((np.trace(a.T @ b) - 1) / 2, -1, 1))))
 
 
 def row(name, peer, times, agreement):
@@ -102,7 +99,7 @@ def main():
         lambda: poselib.estimate_relative_pose(*points, camera, camera, {"max_epipolar_error": 1.0}, {}),
         options.repeats,
     )
-    apart = degrees(pose.R, np.asarray(peer.R))
+    apart = rotation_angle(pose.R, np.asarray(peer.R))
     row(f"best, {len(indices)} matches", "poselib", times,
         f"{apart:.3f} degrees apart, {pose.num_inliers} and {info['num_inliers']} inliers")  # fmt: skip
 

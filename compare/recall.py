@@ -19,17 +19,8 @@ import pathlib
 
 import numpy as np
 
-from dataset import one_camera
+from dataset import one_camera, true_poses
 from stored import stored
-
-
-def true_poses(dataset):
-    poses = {}
-    for line in (dataset / "pairs.txt").read_text().splitlines():
-        numbers = line.split()
-        if numbers:
-            poses[int(numbers[0]), int(numbers[1])] = np.array(numbers[2:14], float).reshape(3, 4)
-    return poses
 
 
 def selected(run, dataset, matcher):

@@ -59,12 +59,18 @@ def timeless(line: str) -> dict[str, object]:
     return {name: value for name, value in record.items() if name not in ("times", "check")}
 
 
+def files_of(run: Path) -> set[Path]:
+    """The files of a run, without those that are not results."""
+    files = {path.relative_to(run) for path in run.rglob("*") if path.is_file()}
+    return {path for path in files if path.parts[0] not in ("cache", ".lock")}
+
+
 def check(merged: Path, whole: Path) -> None:
-    """Checks that both runs have the same records."""
-    for file in sorted(path for path in whole.rglob("*") if path.is_file()):
-        inside = file.relative_to(whole)
-        if inside.parts[0] in ("cache", ".lock"):
-            continue
+    """Checks that both runs have the same files, with the same records."""
+    if odd := files_of(merged) ^ files_of(whole):
+        raise SystemExit(f"only one of {merged} and {whole} has {', '.join(sorted(map(str, odd)))}")
+    for inside in sorted(files_of(whole)):
+        file = whole / inside
         if inside.parts[0] == "records":
             with file.open() as one, (merged / inside).open() as other:
                 for line, (a, b) in enumerate(zip(one, other, strict=True), 1):

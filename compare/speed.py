@@ -7,9 +7,10 @@ SMALL and LARGE are two images each of one scene, for example 640 x 480 and 3072
 import` made. Three parts are run: the features (`features.py`), the exact searches (`search.py`), and the whole protocol
 with SIFT from files to scores, ours and that of `opencv_run.py` with FLANN, on one thread each and on as many as there are
 processors. The first two run both sides in turn. The rows of the protocol are measured once each, one after the other.
-Each part checks the results in the same run, and stops with an error if they differ. OpenCV is measured twice: as it comes,
-and in a process that keeps all freed memory (by variables of the C library of GNU), since matchbench keeps some too. OUT
-gets table.md, machine.txt and the output of the parts.
+Each part checks the results in the same run, and stops with an error if they differ by more than is known: the features by
+the shares of keypoints with a twin and by the descriptors of twins, the searches by every distance, and the protocol by its
+AUC. OpenCV is measured twice: as it comes, and in a process that keeps all freed memory (by variables of the C library of
+GNU), since matchbench keeps some too. OUT gets table.md, machine.txt and the output of the parts.
 No other program should run at the same time; the load at the beginning is written to machine.txt. With
 MATCHBENCH_SIMD=avx2 OPENCV_CPU_DISABLE=AVX512-SKX in the environment, neither side uses AVX-512.
 """
@@ -25,6 +26,7 @@ import time
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from machine import processor
 
@@ -33,6 +35,14 @@ PROGRAMS = HERE.parent / "target/release"
 FEATURES = ["sift", "orb", "brisk", "akaze", "kaze", "latch", "daisy", "freak-sift"]
 # The least share, in percent, of keypoints of either side that must have a twin on the other.
 MIN_TWINS = 97.0
+# The largest allowed distances of the descriptors of twins, relative to their norm, or as a share of bits. The median is at most
+# 5e-6 in `docs/results/speed-*`.
+MOST_MEDIAN = 1e-4
+# About one and a half times the largest distances there (but not below 0.02). A few of KAZE are up to 1.35, so that its median alone
+# is limited.
+MOST = {"sift": 0.25, "orb": 0.02, "brisk": 0.11, "akaze": 0.02, "latch": 0.11, "daisy": 0.03, "freak-sift": 0.13}
+# The least share, in percent, of twins with the same bits. It is 93.77 and more there.
+LEAST_EQUAL = {"orb": 99.0, "brisk": 99.0, "akaze": 99.0, "latch": 90.0, "freak-sift": 90.0}
 # The largest allowed difference of the AUC of the two implementations.
 AUC_TOLERANCE = 0.03
 # Variables that limit the instruction sets of the two sides; they are written to machine.txt.
@@ -52,16 +62,19 @@ def printed(command, out, **options):
 
 
 def measured_features(name, images, repeats, out, environment):
-    """The rows that `features.py` prints, as dictionaries; every row has enough twins."""
+    """The rows that `features.py` prints, as dictionaries; every row has enough twins, and their descriptors are alike."""
     script = [sys.executable, HERE / "features.py", name, *images, "--repeats", repeats]
     text = printed(script, out, env={**os.environ, **environment})
     heads, *lines = [line.split(" | ") for line in text.splitlines() if " | " in line]
     rows = [dict(zip(heads, line)) for line in lines]
     for row in rows:
-        # Descriptors on the keypoints of each side are compared as detectors are: by twins of SIFT's keypoints.
+        # For a descriptor alone, these are twins of SIFT's keypoints.
         row["twins"] = min(float(row["theirs>ours %"]), float(row["ours>theirs %"]))
         if row["twins"] < MIN_TWINS:
             sys.exit(f"{name} on {row['image']}: {row['twins']:.1f} % of the keypoints have a twin")
+        median, most, equal = (float(row[head]) for head in ("desc med", "desc max", "desc equal %"))
+        if not (median <= MOST_MEDIAN and most <= MOST.get(name, np.inf) and equal >= LEAST_EQUAL.get(name, 0)):
+            sys.exit(f"{name} on {row['image']}: descriptors of twins are {median} apart in the median and {most} at most, {equal} % are equal")
     return rows
 
 

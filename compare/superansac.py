@@ -17,8 +17,6 @@ import time
 import cv2
 import numpy as np
 
-from pose import MIN_SUPPORT
-
 try:
     import pysuperansac
 except ImportError:
@@ -53,11 +51,11 @@ def peer(matches, k, options):
         return None, time.perf_counter() - start
     points = np.ascontiguousarray(matches[:, :4])
     e, agreeing = essential(points, k, options)
-    if len(agreeing) < MIN_SUPPORT:
+    if len(agreeing) == 0:
         return None, time.perf_counter() - start
     a, b = np.ascontiguousarray(points[agreeing, :2]), np.ascontiguousarray(points[agreeing, 2:])
-    support, r, t, _ = cv2.recoverPose(e, a, b, k)
-    return ((r, t.ravel()) if support >= MIN_SUPPORT else None), time.perf_counter() - start
+    _, r, t, _ = cv2.recoverPose(e, a, b, k)
+    return (r, t.ravel()), time.perf_counter() - start
 
 
 def agreeing_with_samples(matches=300):
