@@ -343,20 +343,12 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         return Err(PyValueError::new_err(message));
     }
     let bytes_flat = flat(&bytes)?;
-    let mut words = room(bytes.shape()[0] * bits.div_ceil(64))?;
+    let words = room(bytes.shape()[0] * bits.div_ceil(64))?;
+    let mut rows = BinaryRows::from_vec(bits, words);
     for row in bytes_flat.chunks(width) {
-        words.extend(row.chunks(8).map(|chunk| {
-            let mut word = [0; 8];
-            word[..chunk.len()].copy_from_slice(chunk);
-            u64::from_le_bytes(word)
-        }));
-        if let Some(last) = words.last_mut()
-            && !bits.is_multiple_of(64)
-        {
-            *last &= (1 << (bits % 64)) - 1;
-        }
+        rows.push_bytes(row);
     }
-    Ok(Descriptors::Binary(BinaryRows::from_vec(bits, words)))
+    Ok(Descriptors::Binary(rows))
 }
 
 /// The descriptors as an array, see [`descriptors`].
@@ -369,14 +361,7 @@ pub(crate) fn descriptors_out<'py>(
         (Descriptors::Float(rows), DescriptorKind::Float { dim }) => {
             matrix(py, rows.data().to_vec(), [count, dim])
         }
-        (Descriptors::Binary(rows), _) => {
-            let width = rows.bits().div_ceil(8);
-            let bytes = (0..count).flat_map(|row| {
-                let words = rows.row(row).iter();
-                words.flat_map(|word| word.to_le_bytes()).take(width)
-            });
-            matrix(py, bytes.collect(), [count, width])
-        }
+        (Descriptors::Binary(rows), _) => matrix(py, rows.to_bytes(), [count, rows.bytes()]),
         _ => unreachable!("the kind is that of the descriptors"),
     }
 }

@@ -87,9 +87,10 @@ fn extract(id: &str, given: Option<Given>) -> Result<Extract, Box<dyn Error>> {
             "dlco" => Ok(on(given, Dlco::new(DlcoParams::default())?)),
             "freak" | "freak-sift" => Ok(on(given, Freak::new(FreakParams::default())?)),
             "latch" => Ok(on(given, Latch::new(LatchParams::default())?)),
-            _ => Err(
-                format!("no describer `{id}`; known: binboost, daisy, dlco, freak, latch").into(),
-            ),
+            _ => Err(format!(
+                "no describer `{id}`; known: binboost, daisy, dlco, freak, freak-sift, latch"
+            )
+            .into()),
         };
     }
     let built = match id {
@@ -176,16 +177,7 @@ fn write(features: &Features, out: &str) -> Result<(), Box<dyn Error>> {
             rows.dim(),
             rows.data().iter().flat_map(|v| v.to_le_bytes()).collect(),
         ),
-        Descriptors::Binary(rows) => (
-            "|u1",
-            rows.bits().div_ceil(8),
-            (0..rows.len())
-                .flat_map(|row| {
-                    let bytes = rows.row(row).iter().flat_map(|word| word.to_le_bytes());
-                    bytes.take(rows.bits().div_ceil(8))
-                })
-                .collect(),
-        ),
+        Descriptors::Binary(rows) => ("|u1", rows.bytes(), rows.to_bytes()),
     };
     write_npy(
         &format!("{out}.descriptors.npy"),

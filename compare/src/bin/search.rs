@@ -105,13 +105,6 @@ fn read(path: &str) -> Result<Descriptors, Box<dyn Error>> {
         let values = values.iter().copied().map(f32::from_le_bytes).collect();
         Descriptors::Float(FloatRows::from_vec(length, values))
     } else {
-        let words = body.chunks_exact(row_bytes).flat_map(|row| {
-            row.chunks(8).map(|bytes| {
-                let mut word = [0; 8];
-                word[..bytes.len()].copy_from_slice(bytes);
-                u64::from_le_bytes(word)
-            })
-        });
-        Descriptors::Binary(BinaryRows::from_vec(length, words.collect()))
+        Descriptors::Binary(BinaryRows::from_bytes(length, body))
     })
 }

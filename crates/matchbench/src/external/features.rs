@@ -134,16 +134,9 @@ fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descri
                 array.element()
             )
         })?;
-        let words = bytes.chunks_exact(length).flat_map(|row| {
-            row.chunks(8).map(|bytes| {
-                let mut word = [0; 8];
-                word[..bytes.len()].copy_from_slice(bytes);
-                u64::from_le_bytes(word)
-            })
-        });
-        return Ok(Descriptors::Binary(BinaryRows::from_vec(
+        return Ok(Descriptors::Binary(BinaryRows::from_bytes(
             8 * length,
-            words.collect(),
+            bytes,
         )));
     }
     let values = array.to_f32();

@@ -209,6 +209,37 @@ impl BinaryRows {
         rows
     }
 
+    /// Rows of `bits` bits over bytes, each row padded to whole bytes. Bit `i` of a row is bit `i % 8` (from the
+    /// least significant) of byte `i / 8`, as the bytes of a word are stored. What is set beyond the bits of a row is
+    /// cleared.
+    ///
+    /// # Panics
+    /// If `bits` is 0 or its number of bytes does not divide the length of `bytes`.
+    pub fn from_bytes(bits: usize, bytes: &[u8]) -> Self {
+        let mut rows = Self::new(bits);
+        assert!(
+            bytes.len().is_multiple_of(rows.bytes()),
+            "{} bytes in rows of {bits} bits",
+            bytes.len()
+        );
+        rows.data
+            .reserve_exact(bytes.len() / rows.bytes() * rows.words());
+        for row in bytes.chunks_exact(rows.bytes()) {
+            rows.push_bytes(row);
+        }
+        rows
+    }
+
+    /// All rows, one after the other, in the form that [`BinaryRows::from_bytes`] reads.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let rows = self.data.chunks_exact(self.words());
+        rows.flat_map(|row| {
+            let bytes = row.iter().flat_map(|word| word.to_le_bytes());
+            bytes.take(self.bytes())
+        })
+        .collect()
+    }
+
     /// Clears what is set beyond the bits of the rows from `first` on, since searches compare whole words.
     fn clear_padding(&mut self, first: usize) {
         let (words, used) = (self.words(), self.bits % 64);
@@ -227,6 +258,11 @@ impl BinaryRows {
     /// 64-bit words in a row.
     pub fn words(&self) -> usize {
         self.bits.div_ceil(64)
+    }
+
+    /// Bytes in a row of [`BinaryRows::to_bytes`].
+    pub fn bytes(&self) -> usize {
+        self.bits.div_ceil(8)
     }
 
     /// Number of rows.
@@ -259,6 +295,21 @@ impl BinaryRows {
         self.data.extend_from_slice(row);
         self.clear_padding(index);
     }
+
+    /// Appends a row that is given as in [`BinaryRows::from_bytes`].
+    ///
+    /// # Panics
+    /// If `row` does not have [`BinaryRows::bytes`] bytes.
+    pub fn push_bytes(&mut self, row: &[u8]) {
+        assert_eq!(row.len(), self.bytes(), "a row has {} bytes", self.bytes());
+        let index = self.len();
+        self.data.extend(row.chunks(8).map(|bytes| {
+            let mut word = [0; 8];
+            word[..bytes.len()].copy_from_slice(bytes);
+            u64::from_le_bytes(word)
+        }));
+        self.clear_padding(index);
+    }
 }
 
 #[cfg(test)]
@@ -282,6 +333,28 @@ mod tests {
         for index in 0..3 {
             assert_eq!(rows.row(index), [u64::MAX, 0b11_1111]);
         }
+    }
+
+    #[test]
+    fn bytes_are_words_from_the_least_significant_on() {
+        // 9 bytes in a row, the last with 6 bits.
+        let bytes: Vec<u8> = (0..8).chain([0x3f]).chain(100..109).collect();
+        let rows = BinaryRows::from_bytes(70, &bytes);
+        assert_eq!((rows.bytes(), rows.len()), (9, 2));
+        assert_eq!(rows.row(0), [0x0706_0504_0302_0100, 0x3f]);
+        assert_eq!(rows.row(1), [0x6b6a_6968_6766_6564, 108 & 0x3f]);
+        assert_eq!(rows.to_bytes()[..17], bytes[..17]);
+        assert_eq!(rows.to_bytes()[17], 108 & 0x3f);
+        assert_eq!(BinaryRows::from_bytes(70, &rows.to_bytes()), rows);
+        let first = |row: u64| BinaryRows::from_vec(12, vec![row]);
+        assert_eq!(BinaryRows::from_bytes(12, &[0xff, 0xff]), first(0xfff));
+        assert!(BinaryRows::from_bytes(12, &[]).is_empty());
+    }
+
+    #[test]
+    #[should_panic(expected = "3 bytes in rows of 12 bits")]
+    fn ragged_bytes_are_refused() {
+        BinaryRows::from_bytes(12, &[0; 3]);
     }
 
     #[test]
