@@ -21,7 +21,9 @@ pub(crate) enum Negatives {
     Random,
 }
 
-/// A random patch of another triplet than number `index`.
+/// The positive of a random triplet other than number `index` (in a set of one triplet, of that one). It may show the
+/// same point, or even be a patch of number `index`, since triplets of one scene share points and patches. The tables
+/// of the library were learned with it.
 pub(crate) fn stranger(set: &PatchSet, index: usize, seed: Seed) -> usize {
     let count = set.triplets.len() as u32;
     let mut rng = seed.number(index as u64).rng();
@@ -56,7 +58,8 @@ pub(crate) fn training_pairs(set: &PatchSet, most: usize, seed: Seed) -> Vec<Pat
     pairs
 }
 
-/// `0..count` in random order.
+/// `0..count` in random order. This is not the order of `Rng::shuffle`, which swaps from the last to the first; the
+/// tables of the library were learned with this one.
 pub(crate) fn shuffled(count: usize, seed: Seed) -> Vec<usize> {
     let mut rng = seed.child("order").rng();
     let mut order: Vec<usize> = (0..count).collect();

@@ -78,3 +78,63 @@ fn median(values: impl Iterator<Item = f32>) -> f32 {
     values.sort_by(f32::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use matchbench_vision::features::{Descriptors, FloatRows, Keypoint};
+    use matchbench_vision::image::Size;
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    use super::*;
+
+    const EXACT: usize = 10;
+
+    fn features(keypoints: Vec<Keypoint>, descriptors: Vec<f32>) -> Features {
+        let descriptors = Descriptors::Float(FloatRows::from_vec(1, descriptors));
+        Features::new(Size::new(640, 480), keypoints, descriptors)
+    }
+
+    #[test]
+    fn only_matches_that_agree_with_the_pose_and_with_each_other_are_kept() {
+        let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+        // A camera that moved to the side: lines are rows.
+        let b_from_a = RelativePose {
+            rotation: UnitQuaternion::identity(),
+            direction: -Vector3::x_axis(),
+        };
+        // Matches by pixels off the line, and by how they differ from the turn and the growth of all, in radians and
+        // octaves.
+        let mut matches = vec![[0.0, 0.0, 0.0]; EXACT];
+        let near = [[1.5, 0.0, 0.0], [0.0, -0.3, 0.0], [0.0, 0.0, 0.6]];
+        let far = [[3.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.8]];
+        matches.extend(near.into_iter().chain(far));
+        let keypoint = |x: usize, [off, turn, growth]: [f32; 3]| Keypoint {
+            at: Point2::new(100.0 + 20.0 * x as f32, 50.0 + 15.0 * x as f32 + off),
+            size: 8.0 * libm::exp2f(growth),
+            angle: Some(turn),
+            response: 1.0,
+            octave: 0,
+        };
+        let numbered = || matches.iter().enumerate();
+        // Of each match, b sees the point farther to the left, turned by 0.1 and half as large again.
+        let mut a: Vec<_> = numbered().map(|(x, _)| keypoint(x, [0.0; 3])).collect();
+        let b: Vec<_> = numbered()
+            .map(|(x, &[off, turn, growth])| {
+                let mut seen = keypoint(x, [off, 0.1 + turn, 0.58 + growth]);
+                seen.at.x -= 30.0;
+                seen
+            })
+            .collect();
+        let rows: Vec<f32> = (0..b.len()).map(|row| row as f32).collect();
+        // One more of a is at the same place as the first, but the first is nearer to that of b.
+        a.push(a[0]);
+        let rows_a = rows.iter().copied().chain([0.25]).collect();
+        let found = agreeing(
+            [&features(a, rows_a), &features(b, rows)],
+            [&camera, &camera],
+            &b_from_a,
+        );
+        let kept = EXACT + near.len();
+        assert_eq!(found, (0..kept).map(|n| (n, n)).collect::<Vec<_>>());
+    }
+}
