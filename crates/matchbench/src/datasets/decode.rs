@@ -405,6 +405,24 @@ mod tests {
     }
 
     #[test]
+    fn pixels_of_red_green_and_blue_are_as_in_a_png_file() {
+        let found = gray_of_rgb(
+            Size::new(3, 1),
+            &[[255, 0, 0], [0, 255, 0], [0, 0, 255]].concat(),
+        );
+        // The other rules round, and have 150 for green.
+        assert_eq!(found.data(), [76, 149, 29]);
+        let rgb = image::load_from_memory(&fixture("color.png"))
+            .unwrap()
+            .into_rgb8();
+        let size = Size::new(rgb.width() as usize, rgb.height() as usize);
+        assert_eq!(
+            gray_of_rgb(size, &rgb),
+            decode_gray(&fixture("color.png")).unwrap()
+        );
+    }
+
+    #[test]
     fn gray_is_that_of_opencv() {
         for name in [
             "color.png",
