@@ -96,7 +96,7 @@ impl Again {
             .collect();
         let missing = match &all {
             Some(_) => Vec::new(),
-            None => missing(&datasets, why_apart(plan)),
+            None => missing(&datasets, why_apart(&plan)),
         };
         Self {
             datasets,

@@ -162,6 +162,7 @@ impl Reader<'_> {
         let checked = truth.map_or(Ok(false), |truth| check(run, &mut set, truth))?;
         let again = command_line::cell(plan, dataset, (matcher, estimator), "again");
         let note = match (&again, Origin::of(matcher)) {
+            (_, Origin::Python) => "needs its code in Python".to_owned(),
             (None, _) => "no command asks for it; its plan says what was run".to_owned(),
             (_, Origin::Native) => String::new(),
             (_, Origin::Files) => "needs the files of its matches".to_owned(),
