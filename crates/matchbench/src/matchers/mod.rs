@@ -437,6 +437,24 @@ mod tests {
     }
 
     #[test]
+    fn features_of_shared_keypoints_of_another_size_are_those_of_each_alone() {
+        let image = textured(0);
+        for entry in MATCHERS {
+            for size in [json!({"max_size": 120}), json!({"size": "96x96"})] {
+                let params = json!({"extractor": size});
+                let matcher = build(*entry, Some(&params)).unwrap().matcher;
+                let alone = matcher.extract(&image);
+                let mut memory = Memory::default();
+                // Found, and then recalled.
+                for _ in 0..2 {
+                    let shared = matcher.extract_sharing(&image, &mut memory);
+                    assert_eq!(shared, alone, "{} {params}", entry.id());
+                }
+            }
+        }
+    }
+
+    #[test]
     fn an_unknown_parameter_of_an_extractor_is_answered_with_all_and_those_of_the_size() {
         for entry in MATCHERS {
             let unknown = json!({"extractor": {"no-such-parameter": 1}});

@@ -286,6 +286,25 @@ mod tests {
     }
 
     #[test]
+    fn places_and_sizes_follow_the_factors_across_and_down() {
+        let square = Size::new(100, 100);
+        for (size, at, diameter) in [
+            // 2 and 0.5 times: 10.5 * 2 - 0.5, 20.5 * 0.5 - 0.5, and a circle of the same area.
+            (Size::new(200, 50), (20.5, 9.75), 8.0),
+            // 4 and 1 times: 10.5 * 4 - 0.5, the same, and twice the square root of the area.
+            (Size::new(400, 100), (41.5, 20.0), 16.0),
+            // 1 and 4 times: 20.5 * 4 - 0.5.
+            (Size::new(100, 400), (10.0, 81.5), 16.0),
+        ] {
+            let seen = features(square, &[None]).in_pixels_of(square, size);
+            assert_eq!(seen.size, size);
+            let keypoint = seen.keypoints[0];
+            assert_eq!((keypoint.at.x, keypoint.at.y), at);
+            assert_eq!(keypoint.size, diameter);
+        }
+    }
+
+    #[test]
     fn rounding_the_sides_stretches_nothing() {
         let angles = [Some(0.7), None];
         for (small, size) in [
