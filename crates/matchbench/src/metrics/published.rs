@@ -327,6 +327,33 @@ mod tests {
     }
 
     #[test]
+    fn a_row_needs_the_inliers_of_the_protocol_of_its_file() {
+        let folder = published(|a, b| format!("{a} {b} {POSE}\n"));
+        let dir = folder.path().join("05-castle");
+        for (name, inliers) in [
+            ("sift+a@imc", 5),
+            ("sift+b@imc", 1),
+            ("sift+c@imc", 0),
+            ("sift+d", 10),
+            ("sift+e", 9),
+        ] {
+            let row = format!("0 1 {inliers} {POSE}\n");
+            fs::write(dir.join(format!("{name}.txt")), row).expect("it is ours");
+        }
+        let sets = load(folder.path(), None).expect("in order");
+        let right = |estimator: &str| {
+            let is_wanted = |set: &&ResultSet| set.estimator == estimator;
+            let set = sets.iter().find(is_wanted).expect("it is there");
+            (set.pairs[0].outcome.is_ok(), set.pairs[0].correspondences)
+        };
+        assert_eq!(right("a@imc"), (true, Some(5)));
+        assert_eq!(right("b@imc"), (true, Some(1)));
+        assert_eq!(right("c@imc"), (false, Some(0)));
+        assert_eq!(right("d"), (true, Some(10)));
+        assert_eq!(right("e"), (false, Some(0)));
+    }
+
+    #[test]
     fn a_wrong_truth_is_named_by_line() {
         for (truth, expected) in [
             ("0 1 1 0 0 1 0 1 0 0 0 0 1\n", "groundtruth.txt:1"),

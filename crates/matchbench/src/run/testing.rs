@@ -176,7 +176,10 @@ impl Matcher for Toy {
             if grey >= self.threshold {
                 rows.push(&[grey.into()]);
                 keypoints.push(Keypoint {
-                    at: Point2::new((index % WIDTH) as f32, (index / WIDTH) as f32),
+                    at: Point2::new(
+                        (index % image.width()) as f32,
+                        (index / image.width()) as f32,
+                    ),
                     size: 1.0,
                     angle: None,
                     response: grey.into(),

@@ -204,9 +204,103 @@ pub(super) fn counts_within(distances: impl Iterator<Item = f64>) -> (u32, [u32;
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point2;
+    use matchbench_vision::geometry::RelativePose;
+    use matchbench_vision::robust::{HomographyEstimate, PoseEstimate};
+    use nalgebra::{Isometry3, Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
+    use crate::estimators::BuiltEstimator;
+    use crate::protocols::{IMC, MATCHBENCH, SUPERGLUE};
+
+    fn variant(estimator: Estimator, protocol: &'static Protocol) -> Variant {
+        Variant {
+            name: "fixed".into(),
+            estimator: BuiltEstimator {
+                id: "fixed".into(),
+                params: serde_json::Value::Null,
+                estimator,
+            },
+            protocol,
+        }
+    }
+
+    /// Says the same of any matches.
+    struct Fixed(PoseEstimate);
+
+    impl PoseEstimator for Fixed {
+        fn estimate(&self, _: TwoViews<'_>, _: Seed) -> Result<PoseEstimate, NoModel> {
+            Ok(self.0.clone())
+        }
+
+        fn estimate_until(
+            &self,
+            _: TwoViews<'_>,
+            _: Seed,
+            _: &dyn Fn(usize) -> bool,
+        ) -> Result<PoseEstimate, NoModel> {
+            Ok(self.0.clone())
+        }
+    }
+
+    /// Why the pair fails under a protocol, of so many matches, inliers and matches in front of both cameras.
+    fn failure(
+        protocol: &'static Protocol,
+        matches: usize,
+        inliers: u32,
+        support: usize,
+    ) -> Option<NoModel> {
+        let estimator = Fixed(PoseEstimate {
+            b_from_a: RelativePose {
+                rotation: UnitQuaternion::identity(),
+                direction: UnitVector3::new_normalize(Vector3::x()),
+            },
+            inliers: (0..inliers).collect(),
+            support,
+            iterations: 1,
+        });
+        let variant = variant(Estimator::Pose(Box::new(estimator)), protocol);
+        let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+        let trial = Trial {
+            cameras: [&camera; 2],
+            truth: &Truth::Pose(Isometry3::translation(1.0, 0.0, 0.0)),
+            size: &|_| Ok(Size::new(640, 480)),
+            seed: Seed(1),
+            time_budget: None,
+        };
+        let mut points = MatchedPoints::default();
+        for i in 0..matches {
+            let x = 10.0 * i as f64;
+            points.push(Point2::new(x, 50.0), Point2::new(x + 5.0, 50.0), 0.5);
+        }
+        let judged = trial.evaluate(&points, &variant, &mut StageTimes::default());
+        match judged.unwrap_or_else(|_| panic!("nothing breaks")).outcome {
+            Outcome::NoPose { reason } => Some(reason),
+            Outcome::Pose { .. } => None,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_pair_fails_below_the_least_numbers_of_its_protocol() {
+        let few = |found, needed| Some(NoModel::TooFewMatches { found, needed });
+        let weak = |found, needed| Some(NoModel::NoSupport { found, needed });
+        for (protocol, matches, inliers, support, expected) in [
+            (&MATCHBENCH, 19, 19, 19, few(19, 20)),
+            (&MATCHBENCH, 20, 0, 10, None),
+            (&MATCHBENCH, 20, 20, 9, weak(9, 10)),
+            (&SUPERGLUE, 4, 4, 4, few(4, 5)),
+            (&SUPERGLUE, 5, 0, 1, None),
+            (&SUPERGLUE, 5, 5, 0, weak(0, 1)),
+            (&IMC, 7, 8, 8, few(7, 8)),
+            (&IMC, 8, 7, 8, weak(7, 8)),
+            (&IMC, 8, 8, 0, weak(0, 1)),
+            (&IMC, 8, 8, 1, None),
+        ] {
+            let id = protocol.id;
+            let found = failure(protocol, matches, inliers, support);
+            assert_eq!(found, expected, "{id}: {matches} {inliers} {support}");
+        }
+    }
 
     #[test]
     fn a_match_is_correct_within_its_distance_from_the_truth() {
@@ -218,5 +312,50 @@ mod tests {
         let expected = [2, 3, 3, 3, 4, 4, 4, 4, 4, 4];
         assert_eq!(correct_matches(&twice, &points), expected);
         assert_eq!(correct_matches(&twice, &MatchedPoints::default()), [0; 10]);
+    }
+
+    /// Finds the identity in any matches.
+    struct Same;
+
+    impl HomographyEstimator for Same {
+        fn estimate(&self, _: &MatchedPoints, _: Seed) -> Result<HomographyEstimate, NoModel> {
+            Ok(HomographyEstimate {
+                b_from_a: Matrix3::identity(),
+                inliers: Vec::new(),
+                iterations: 1,
+            })
+        }
+
+        fn estimate_until(
+            &self,
+            points: &MatchedPoints,
+            seed: Seed,
+            _: &dyn Fn(usize) -> bool,
+        ) -> Result<HomographyEstimate, NoModel> {
+            self.estimate(points, seed)
+        }
+    }
+
+    #[test]
+    fn homographies_are_judged_on_the_corners_of_a() {
+        let variant = variant(Estimator::Homography(Box::new(Same)), &MATCHBENCH);
+        let stretched = Matrix3::from_diagonal(&Vector3::new(2.0, 1.5, 1.0));
+        let camera = Camera::pinhole(8.0, 8.0, 3.5, 3.5);
+        let trial = Trial {
+            cameras: [&camera; 2],
+            truth: &Truth::Homography(stretched),
+            size: &|side| Ok([Size::new(8, 8), Size::new(16, 12)][side]),
+            seed: Seed(1),
+            time_budget: None,
+        };
+        let points = MatchedPoints::default();
+        let judged = trial.evaluate(&points, &variant, &mut StageTimes::default());
+        let outcome = judged.unwrap_or_else(|_| panic!("nothing breaks")).outcome;
+        let Outcome::Homography { corner_error, .. } = outcome else {
+            panic!("{outcome:?}");
+        };
+        // The corners at 0 and 7 are off by 7 across and 3.5 down.
+        let expected = (7.0 + 3.5 + (7.0_f64 * 7.0 + 3.5 * 3.5).sqrt()) / 4.0;
+        assert!((corner_error.expect("no corner is far") - expected).abs() < 1e-12);
     }
 }

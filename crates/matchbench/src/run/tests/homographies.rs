@@ -123,3 +123,34 @@ fn an_estimator_without_its_truth_is_refused_before_anything_is_done() {
     assert!(poses.clone().count() > 0);
     assert!(poses.into_iter().all(|record| record.correct.is_some()));
 }
+
+/// Image 0 is 8 x 8 pixels, and seen twice as wide and one and a half times as high in the others of 16 x 12.
+#[test]
+fn images_of_different_sizes_keep_their_places() {
+    let mut stretched = bench(&["best-h"]);
+    let sequence = &mut stretched.datasets[0].sequence;
+    sequence.frames.truncate(2);
+    sequence.pairs.truncate(1);
+    sequence.pairs[0].truth = Truth::Homography(Matrix3::from_diagonal(&nalgebra::Vector3::new(
+        2.0, 1.5, 1.0,
+    )));
+    // Bright are the pixels (7, 1) and (2, 6) of a, which are (14, 1.5) and (4, 9) of b, where it has bright ones at (14, 3)
+    // and (4, 9), and another at (15, 11), which is (7.5, 7.33) of a: beside it.
+    for (frame, width, height, bright) in [
+        (0, 8, 8, &[(7, 1), (2, 6)][..]),
+        (1, 16, 12, &[(14, 3), (4, 9), (15, 11)]),
+    ] {
+        let mut pixels = vec![0; width * height];
+        for (x, y) in bright {
+            pixels[y * width + x] = 200;
+        }
+        let header = format!("P5 {width} {height} 255\n");
+        let file = [header.as_bytes(), &pixels].concat();
+        fs::write(&sequence.frames[frame].image, file).unwrap();
+    }
+    run(&stretched, "run").unwrap();
+    let records = stretched.records("run");
+    let repeated = records[0].repeated.expect("the truth is a homography");
+    assert_eq!(repeated.visible, [2, 2]);
+    assert_eq!(repeated.within, [1, 2, 2, 2, 2, 2, 2, 2, 2, 2]);
+}
