@@ -50,7 +50,8 @@ pub trait EstimatorEntry: Sync {
     fn build(&self, params: Option<&Value>) -> Result<BuiltEstimator, ConfigError>;
 
     /// Converts the parameters `written` in the plan of an earlier version to the form that
-    /// [`BuiltEstimator::params`] has now: parameters that had no effect are removed.
+    /// [`BuiltEstimator::params`] has now: parameters that had no effect are removed, and what that version could not
+    /// do is off.
     fn modernized(&self, written: &Value) -> Value {
         written.clone()
     }
@@ -112,7 +113,7 @@ trait PresetParams: Serialize {
     fn estimator(&self) -> Result<Estimator, ParamError>;
 
     /// Converts settings `written` by an earlier version for defaults like these: settings that had no effect
-    /// are removed.
+    /// are removed, and what that version could not do is off.
     fn of_earlier_version(&self, written: Settings) -> Settings {
         written
     }
@@ -128,6 +129,12 @@ impl PresetParams for SampleConsensusParams {
     }
 
     fn of_earlier_version(&self, written: Settings) -> Settings {
+        // Plans list every parameter. One that came later is not in them, and what it does was not done then.
+        let written = Settings {
+            turns: written.turns.or(Some(false)),
+            plane_poses: written.plane_poses.or(Some(false)),
+            ..written
+        };
         written.of_earlier_version(self)
     }
 }

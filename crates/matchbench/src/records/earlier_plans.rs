@@ -124,6 +124,22 @@ mod tests {
     }
 
     #[test]
+    fn what_an_earlier_version_could_not_do_is_off() {
+        let entry = estimators::find("adaptive").unwrap();
+        for later in ["turns", "plane_poses"] {
+            let mut written = entry.defaults();
+            let value = written.as_object_mut().unwrap().remove(later);
+            assert_eq!(value, Some(json!(true)), "{later}");
+            let plan = json!({"matchers": [{"id": "sift", "estimators": [
+                {"id": "adaptive", "params": written}
+            ]}]});
+            let today = over(&entry.defaults(), json!({later: false}));
+            let found = modernized(plan);
+            assert_eq!(found["matchers"][0]["estimators"][0]["params"], today);
+        }
+    }
+
+    #[test]
     fn matchers_of_earlier_plans_are_those_of_today() {
         for entry in MATCHERS {
             let built = entry.build(None).unwrap();
