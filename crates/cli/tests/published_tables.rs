@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use matchbench::estimators;
 use matchbench::matchers::MATCHERS;
+use matchbench::protocols::{self, EstimatorRule};
 use serde_json::Value;
 
 fn repository() -> PathBuf {
@@ -31,6 +33,16 @@ fn rows(path: &str) -> Vec<BTreeMap<String, String>> {
 
 fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     (row[column].parse()).unwrap_or_else(|_| panic!("{column}: {}", row[column]))
+}
+
+/// What a command sets of this estimator: `--set ID.NAME=VALUE`.
+fn set_of<'a>(commands: &'a str, id: &str) -> Vec<(&'a str, Value)> {
+    let words: Vec<&str> = commands.split_whitespace().collect();
+    (words.windows(2))
+        .filter(|two| two[0] == "--set")
+        .filter_map(|two| two[1].strip_prefix(id)?.strip_prefix('.')?.split_once('='))
+        .map(|(name, value)| (name, serde_json::from_str(value).expect("JSON")))
+        .collect()
 }
 
 /// The cells of the row that begins with this id, in the first table of `text` below the line `heading`.
@@ -395,5 +407,49 @@ fn every_folder_of_results_says_how_they_came_about() {
                 "{row:?}"
             );
         }
+    }
+}
+
+#[test]
+fn estimators_and_protocols_of_published_scores_are_those_of_today() {
+    let folder = repository().join("docs/results");
+    let mut checked = BTreeMap::new();
+    for entry in fs::read_dir(folder).expect("it is part of the repository") {
+        let folder = entry.expect("it can be listed").path();
+        let Ok(plan) = fs::read_to_string(folder.join("plan.json")) else {
+            continue; // times alone
+        };
+        let plan: Value = serde_json::from_str(&plan).expect("JSON");
+        let commands = fs::read_to_string(folder.join("commands.sh")).expect("it is there");
+        for matcher in plan["matchers"].as_array().expect("a list") {
+            for planned in matcher["estimators"].as_array().expect("a list") {
+                let name = planned["id"].as_str().expect("a name");
+                let id = planned["variant_of"].as_str().unwrap_or(name);
+                let entry = estimators::find(id).expect("it is listed");
+                let protocol = protocols::of_estimator(name);
+                let mut settings = match protocol.estimator {
+                    EstimatorRule::Of { id: theirs, params } if theirs == id => params(),
+                    _ => Value::Object(serde_json::Map::new()),
+                };
+                for (parameter, value) in set_of(&commands, name) {
+                    settings[parameter] = value;
+                }
+                let today = entry.build(Some(&settings)).expect("in range").params;
+                let written = entry.modernized(&planned["params"]);
+                assert_eq!(written, today, "{name}");
+                let rules = protocol.rules().unwrap_or_default();
+                assert_eq!(planned["protocol"], rules, "{name}");
+                checked.insert(name.to_owned(), protocol.id);
+            }
+        }
+    }
+    for protocol in protocols::PROTOCOLS {
+        let was_used = checked.values().any(|id| *id == protocol.id);
+        assert!(was_used, "{}", protocol.id);
+    }
+    for entry in estimators::ESTIMATORS {
+        let id = entry.id();
+        let was_used = (checked.keys()).any(|name| protocols::without_protocol(name) == id);
+        assert!(was_used, "{id}");
     }
 }
