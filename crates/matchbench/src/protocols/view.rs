@@ -139,6 +139,32 @@ mod tests {
     }
 
     #[test]
+    fn points_of_each_image_move_by_what_its_own_size_loses() {
+        let camera = Camera::pinhole(1000.0, 1000.0, 640.0, 480.0);
+        let points = MatchedPoints::new(
+            vec![Point2::new(10.0, 20.0)],
+            vec![Point2::new(3.0, 4.0)],
+            vec![0.5],
+        );
+        for (protocol, sizes, a, b) in [
+            // Halves of a, of b across alone: half a pixel off there. Pixels are 750 to the unit, the mean of 500 and 1000.
+            (
+                &SUPERGLUE,
+                [(1280, 960), (1280, 480)],
+                (9.5 * 0.75, 19.5 * 0.75),
+                (2.5 * 0.75, 4.0 * 0.75),
+            ),
+            // A half of a, a quarter of b: (1 - 4) / 2. Pixels stay those of the images.
+            (&LOFTR, [(1680, 960), (3360, 480)], (9.5, 19.5), (1.5, 2.5)),
+        ] {
+            let sizes = sizes.map(|(width, height)| Size::new(width, height));
+            let (seen, _) = protocol.seen([&camera; 2], sizes, &points);
+            let [found_a, found_b] = [&seen.a, &seen.b].map(|seen| (seen[0].x, seen[0].y));
+            assert_eq!((found_a, found_b), (a, b), "{}", protocol.id);
+        }
+    }
+
+    #[test]
     fn points_lose_half_a_pixel_where_only_sizes_are_multiplied() {
         let sizes = Some([Size::new(1280, 960), Size::new(640, 480)]);
         let view = SUPERGLUE.view([&A, &A], sizes).expect("a is resized");
