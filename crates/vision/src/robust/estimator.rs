@@ -166,3 +166,120 @@ pub trait HomographyEstimator: Send + Sync {
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<HomographyEstimate, NoModel>;
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::robust::{
+        Ransac, RansacParams, SampleConsensus, SampleConsensusParams, Score, presets,
+    };
+
+    /// A threshold of one pixel is 1/1000 at depth 1: the mean of 400, 400, 1600 and 1600 pixels.
+    #[test]
+    fn thresholds_are_divided_by_the_mean_focal_length_of_both_cameras() {
+        let camera_a = Camera::pinhole(400.0, 400.0, 320.0, 240.0);
+        let camera_b = Camera::pinhole(1600.0, 1600.0, 1280.0, 960.0);
+        // The camera moves to the left: points move along rows, and one that leaves its row by `y` is `y` over the square
+        // root of two from where it belongs.
+        let mut points = MatchedPoints::default();
+        let mut rng = Seed(3).rng();
+        for i in 0..60 {
+            let [x, y] = [(); 2].map(|()| rng.uniform() - 0.5);
+            let off = match i {
+                0 => 1.0 / 450.0,  // within a pixel of a alone
+                1 => 1.0 / 1250.0, // within 1/1000, and more than a pixel of b
+                _ => 0.0,
+            };
+            let seen = Point2::new(x + 0.1 + 0.3 * rng.uniform(), y + off * 2.0_f64.sqrt());
+            let (a, b) = (camera_a.project(Point2::new(x, y)), camera_b.project(seen));
+            points.push(a, b, 0.5);
+        }
+        let views = TwoViews {
+            points: &points,
+            camera_a: &camera_a,
+            camera_b: &camera_b,
+        };
+        let msac = SampleConsensusParams {
+            score: Score::Msac {
+                threshold_px: 1.0,
+                sprt: false,
+            },
+            ..presets::ransac_e_inliers()
+        };
+        let estimators: [Box<dyn PoseEstimator>; 2] = [
+            Box::new(Ransac::new(RansacParams::default()).expect("in range")),
+            Box::new(SampleConsensus::new(msac).expect("in range")),
+        ];
+        for estimator in estimators {
+            let found = estimator.estimate(views, Seed(1)).expect("a pose");
+            assert_eq!(found.inliers, (1..60).collect::<Vec<_>>());
+        }
+    }
+
+    /// The camera moves to the left, and points move to the right. Other points move to the left, each also down or up by as
+    /// much as no other: they agree with no model, and lie in front of both cameras of the opposite motion.
+    #[test]
+    fn the_pose_is_the_one_that_inliers_choose() {
+        let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+        let mut points = MatchedPoints::default();
+        let mut rng = Seed(5).rng();
+        for i in 0..50 {
+            let [x, y] = [(); 2].map(|()| rng.uniform() - 0.5);
+            let moved = 0.1 + 0.3 * rng.uniform();
+            let seen = match i {
+                0..20 => Point2::new(x + moved, y),
+                _ => Point2::new(x - moved, y + 0.05 * (f64::from(i) - 34.5)),
+            };
+            points.push(camera.project(Point2::new(x, y)), camera.project(seen), 0.5);
+        }
+        let views = TwoViews {
+            points: &points,
+            camera_a: &camera,
+            camera_b: &camera,
+        };
+        let estimator = SampleConsensus::new(presets::ransac_e_inliers()).expect("in range");
+        let found = estimator.estimate(views, Seed(1)).expect("a pose");
+        let right = (0..20).all(|i| found.inliers.contains(&i));
+        assert!(right && found.inliers.len() < 25, "{:?}", found.inliers);
+        let direction = found.b_from_a.direction;
+        assert!(direction.x > 0.999, "{direction:?}");
+        assert!(found.support < 25, "{}", found.support);
+    }
+
+    #[test]
+    fn points_at_any_depth_choose_the_pose_only_where_depth_has_no_limit() {
+        let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+        let mut points = MatchedPoints::default();
+        let mut rng = Seed(6).rng();
+        for _ in 0..30 {
+            let [x, y] = [(); 2].map(|()| rng.uniform() - 0.5);
+            // 100 to 1000 baselines away.
+            let seen = Point2::new(x + 0.001 + 0.009 * rng.uniform(), y);
+            points.push(camera.project(Point2::new(x, y)), camera.project(seen), 0.5);
+        }
+        let views = TwoViews {
+            points: &points,
+            camera_a: &camera,
+            camera_b: &camera,
+        };
+        let unlimited = presets::ransac_e_inliers();
+        let near = SampleConsensusParams {
+            max_depth: 50.0,
+            ..unlimited
+        };
+        let [unlimited, near] = [unlimited, near].map(|params| {
+            let estimator = SampleConsensus::new(params).expect("in range");
+            estimator.estimate(views, Seed(1))
+        });
+        let unlimited = unlimited.expect("a pose");
+        assert!(unlimited.b_from_a.direction.x > 0.999);
+        assert_eq!(unlimited.support, 30);
+        let none = NoModel::NoSupport {
+            found: 0,
+            needed: 1,
+        };
+        assert_eq!(near, Err(none));
+    }
+}
