@@ -288,8 +288,10 @@ impl From<&RunRecord> for PairResult {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use matchbench_vision::robust::NoModel;
+
     use super::*;
-    use crate::records::Repeated;
+    use crate::records::{Repeated, Task};
 
     /// A pair with these errors in degrees and this many correspondences.
     pub(in super::super) fn solved(a: u32, rotation: f64, translation: f64, n: u32) -> PairResult {
@@ -355,5 +357,55 @@ pub(super) mod tests {
         assert_eq!(pair.error(Angle::Translation), None);
         assert_eq!(pair.error(Angle::Rotation), Some(0.5));
         assert_eq!(pair.sign_agnostic_error(), None);
+    }
+
+    #[test]
+    fn what_a_record_counts_is_taken_from_its_own_field() {
+        let steps = |k: u32| std::array::from_fn(|i| k * (i as u32 + 1));
+        let record = RunRecord {
+            task: Task {
+                dataset: "room".into(),
+                matcher: "sift".into(),
+                estimator: "best".into(),
+                a: 3,
+                b: 5,
+                repetition: 2,
+            },
+            counts: Counts {
+                features_a: 900,
+                features_b: 800,
+                putative: 700,
+                selected: 600,
+            },
+            correct: Some(steps(50)),
+            repeated: Some(Repeated {
+                visible: [400, 300],
+                within: steps(20),
+            }),
+            by_depth: Some(ByDepth {
+                overlap: Some(0.5),
+                judged: 500,
+                within: steps(40),
+                repeated: Some(Repeated {
+                    visible: [200, 250],
+                    within: steps(10),
+                }),
+            }),
+            outcome: Outcome::NoPose {
+                reason: NoModel::NoSupport {
+                    found: 0,
+                    needed: 1,
+                },
+            },
+            times: StageTimes::default(),
+            device: None,
+        };
+        let pair = PairResult::from(&record);
+        assert_eq!((pair.a, pair.b, pair.repetition), (3, 5, 2));
+        assert_eq!(pair.correct, Some(steps(50)));
+        // Within 3 pixels, of the smaller number of both images.
+        assert_eq!(pair.found_again, Some((300, 60)));
+        assert_eq!(pair.by_depth.as_deref(), record.by_depth.as_ref());
+        assert_eq!(pair.counts, Some(record.counts));
     }
 }

@@ -358,9 +358,10 @@ fn ap_term(pair: &PairResult) -> Term {
 mod tests {
     use std::collections::BTreeSet;
 
-    use super::super::Failure;
     use super::super::pair_result::tests::{solved, transferred};
+    use super::super::{Deviation, Failure};
     use super::*;
+    use crate::records::{ByDepth, Counts, Repeated};
 
     fn pairs() -> Vec<PairResult> {
         vec![
@@ -438,6 +439,111 @@ mod tests {
                 assert!(value <= 1.0, "{}", kind.id);
             }
         }
+    }
+
+    /// A pair of which `step` more matches and keypoints count with every pixel.
+    fn graded(step: u32) -> PairResult {
+        let within = |step: u32| std::array::from_fn(|i| step * (i as u32 + 1));
+        PairResult {
+            correct: Some(within(step)),
+            found_again: Some((200, 12)),
+            by_depth: Some(Box::new(ByDepth {
+                overlap: None,
+                judged: 100,
+                within: within(step),
+                repeated: Some(Repeated {
+                    visible: [60, 50],
+                    within: within(4),
+                }),
+            })),
+            counts: Some(Counts {
+                selected: 80,
+                ..Counts::default()
+            }),
+            ..solved(0, 1.0, 1.0, 30)
+        }
+    }
+
+    #[test]
+    fn scores_of_matches_are_those_within_their_pixels() {
+        let pose = Scores::new(&[graded(7)]);
+        let homography = Scores::new(&[PairResult {
+            model: Model::Homography,
+            outcome: Ok(Deviation::Corners(Some(1.0))),
+            by_depth: None,
+            ..graded(7)
+        }]);
+        let value = |scores: &Scores, id: &str| scores.get(id).value.expect("there is a pair");
+        for (id, expected) in [
+            // 7, 21 and 35 of 100 matches.
+            ("precision_1px", 7.0 / 100.0),
+            ("precision_3px", 21.0 / 100.0),
+            ("precision_5px", 35.0 / 100.0),
+            // Within 3 pixels: 12 keypoints, and 21 matches, of 50 keypoints.
+            ("depth_repeatability", 12.0 / 50.0),
+            ("depth_matching_score", 21.0 / 50.0),
+        ] {
+            assert_eq!(value(&pose, id), expected, "{id}");
+        }
+        for pixels in 1..=10_u32 {
+            let id = format!("mma{pixels}");
+            let expected = f64::from(7 * pixels) / 80.0;
+            assert_eq!(value(&homography, &id), expected, "{id}");
+        }
+        assert_eq!(value(&homography, "repeatability"), 12.0 / 200.0);
+        assert_eq!(value(&homography, "matching_score"), 21.0 / 200.0);
+    }
+
+    /// What stands before and after the number in an id, the pairs, and the score at a number.
+    type Limited<'a> = (&'a str, &'a str, &'a [PairResult], &'a dyn Fn(usize) -> f64);
+
+    #[test]
+    fn the_number_in_an_id_is_the_limit_of_its_score() {
+        // One pair for every half degree, or half pixel.
+        let errors = || (0..20).map(|i| f64::from(i) + 0.5);
+        let poses: Vec<PairResult> = (errors().map(|error| PairResult {
+            by_depth: graded(7).by_depth,
+            ..solved(0, 0.1, error, 30)
+        }))
+        .collect();
+        let homographies: Vec<PairResult> = (errors().map(|error| PairResult {
+            model: Model::Homography,
+            outcome: Ok(Deviation::Corners(Some(error))),
+            ..graded(7)
+        }))
+        .collect();
+        let families: [Limited<'_>; 6] = [
+            ("sp", "", &poses, &|n| n as f64 / 20.0),
+            ("exact_auc_", "", &poses, &|n| exact_auc(&poses, n as f64)),
+            ("maa_", "", &poses, &|n| maa(&poses, n as u32)),
+            ("auc_h", "", &homographies, &|n| {
+                corner_auc(&homographies, n as f64)
+            }),
+            ("mma", "", &homographies, &|n| (7 * n) as f64 / 80.0),
+            ("precision_", "px", &poses, &|n| (7 * n) as f64 / 100.0),
+        ];
+        let mut limited = 0;
+        for (before, after, pairs, expected) in families {
+            let mut seen: Vec<f64> = Vec::new();
+            for kind in SCORES {
+                let number = (kind.id.strip_prefix(before)).and_then(|id| id.strip_suffix(after));
+                let Some(number) = number.and_then(|number| number.parse().ok()) else {
+                    continue;
+                };
+                let value = (kind.value)(pairs).expect("there are pairs");
+                assert!((value - expected(number)).abs() < 1e-12, "{}", kind.id);
+                let is_new = seen.iter().all(|other| (value - other).abs() > 1e-6);
+                assert!(is_new, "{}", kind.id);
+                if let Spread::Corners(limit) = kind.spread {
+                    assert_eq!(limit as usize, number, "{}", kind.id);
+                }
+                seen.push(value);
+                limited += 1;
+            }
+        }
+        let with_number = |kind: &&ScoreKind| kind.id.contains(|c: char| c.is_ascii_digit());
+        // All but the mean number of matches of right pairs.
+        assert_eq!(limited, SCORES.iter().filter(with_number).count() - 1);
     }
 
     #[test]
