@@ -207,4 +207,14 @@ mod tests {
         let around = geometry(PI / 4.0, [-1.0, 0.0, 0.4]);
         assert!(around.overlap > turned.overlap + 0.2, "{around:?}");
     }
+
+    /// Of 12 columns and 9 rows of rays the middle 6 and 5 end in the middle half of the image.
+    #[test]
+    fn the_overlap_is_that_of_the_image_that_shows_more_alone() {
+        let near = Camera::pinhole(640.0, 640.0, 320.0, 240.0);
+        for [a, b] in [[&CAMERA, &near], [&near, &CAMERA]] {
+            let overlap = PairGeometry::new(a, b, &Isometry3::identity()).overlap;
+            assert_eq!(overlap, 30.0 / 108.0);
+        }
+    }
 }

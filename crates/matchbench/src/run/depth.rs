@@ -246,6 +246,7 @@ impl View<'_> {
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::features::{Descriptors, FloatRows, Keypoint};
     use matchbench_vision::geometry::Distortion;
     use matchbench_vision::image::{Image, Size};
 
@@ -335,5 +336,72 @@ mod tests {
         points.push(Point2::new(49.5, 29.5), Point2::new(64.5, 29.5), 0.5);
         let judged = folded.judge(&points);
         assert_eq!((judged.judged, judged.within), (1, [0; 10]));
+    }
+
+    /// The camera in the same place with twice the focal length shows the middle half of the columns and rows.
+    #[test]
+    fn the_overlap_is_that_of_the_image_that_shows_more_alone() {
+        let near = Camera::pinhole(100.0, 100.0, 49.5, 29.5);
+        for cameras in [[&CAMERA, &near], [&near, &CAMERA]] {
+            let depths = [depth(0..0), depth(0..0)];
+            let pair = PairDepth::new(depths, cameras, &Isometry3::identity());
+            assert_eq!(pair.overlap, Some(0.25));
+        }
+    }
+
+    /// Features at these places of an image of this size.
+    fn features(size: Size, places: &[(f32, f32)]) -> Features {
+        let keypoint = |&(x, y): &(f32, f32)| Keypoint {
+            at: Point2::new(x, y),
+            size: 1.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        let rows = FloatRows::from_vec(1, vec![0.0; places.len()]);
+        let keypoints = places.iter().map(keypoint).collect();
+        Features::new(size, keypoints, Descriptors::Float(rows))
+    }
+
+    #[test]
+    fn keypoints_are_found_again_where_the_other_image_shows_them() {
+        // Image b is narrower, and something stands before its columns 50 to 59.
+        let (size_a, size_b) = (Size::new(100, 60), Size::new(80, 60));
+        let stored = Image::from_fn(
+            size_b,
+            |x, _| {
+                if (50..60).contains(&x) { 1000 } else { 2000 }
+            },
+        );
+        let narrow = Arc::new(Depth::of_image(stored, DepthUnit::MILLIMETRES));
+        let both = pair(depth(0..0), narrow);
+        // The wall is 10 pixels further to the left in b.
+        let a = features(
+            size_a,
+            &[
+                (30.0, 7.0),
+                (80.0, 40.0),
+                (85.0, 50.0),
+                (5.0, 7.0),   // left of b
+                (60.0, 20.0), // hidden in b
+                (9.8, 30.0),  // on the first pixel of b, left of its centre
+                (89.3, 30.0), // on the last, right of its centre
+            ],
+        );
+        let b = features(
+            size_b,
+            &[
+                (20.9, 7.0),  // 0.9 from the first
+                (71.9, 40.0), // 1.9 from the second
+                (75.0, 57.9), // 7.9 from the third, right of b if it were seen in b
+                (10.0, 50.0), // far from all
+                (55.0, 20.0), // what stands before the wall, which a does not show
+            ],
+        );
+        let expected = Repeated {
+            visible: [3, 4],
+            within: [1, 2, 2, 2, 2, 2, 2, 3, 3, 3],
+        };
+        assert_eq!(both.repeated(&a, &b), expected);
     }
 }
