@@ -564,3 +564,5 @@ mod list_tests;
 mod model_tests;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod value_tests;

@@ -158,4 +158,19 @@ mod tests {
         assert!(timed_name("nan x.png").is_err());
         assert!(timed_name("x.png 1.5").is_err());
     }
+
+    #[test]
+    fn calibrations_are_those_that_the_authors_publish() {
+        let numbers = |name: &str| {
+            let camera = calibration(name).expect("it is one of theirs");
+            let lens =
+                (camera.distortion).map(|lens| [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]);
+            ([camera.fx, camera.fy, camera.cx, camera.cy], lens)
+        };
+        let first = [0.2624, -0.9531, -0.0054, 0.0026, 1.1633];
+        assert_eq!(numbers("fr1"), ([517.3, 516.5, 318.6, 255.3], Some(first)));
+        let second = [0.2312, -0.7849, -0.0033, -0.0001, 0.9172];
+        assert_eq!(numbers("fr2"), ([520.9, 521.0, 325.1, 249.7], Some(second)));
+        assert_eq!(numbers("fr3"), ([535.4, 539.2, 320.1, 247.6], None));
+    }
 }

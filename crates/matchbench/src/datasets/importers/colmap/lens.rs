@@ -199,4 +199,39 @@ mod tests {
         assert!(camera("PINHOLE", &[-1.0; 4]).is_err());
         assert!(camera("RADIAL", &[9.0, 3.0, 2.0, f64::NAN, 0.0]).is_err());
     }
+
+    #[test]
+    fn these_models_are_read_and_no_others() {
+        let read: Vec<&str> = (MODELS.iter())
+            .filter(|(model, parameters)| {
+                // The last three of FULL_OPENCV must be 0.
+                let params: Vec<f64> = (0..*parameters)
+                    .map(|place| if place < 4 { 1.0 } else { 0.0 })
+                    .collect();
+                camera(model, &params).is_ok()
+            })
+            .map(|(model, _)| *model)
+            .collect();
+        let expected = [
+            "SIMPLE_PINHOLE",
+            "PINHOLE",
+            "SIMPLE_RADIAL",
+            "RADIAL",
+            "OPENCV",
+            "FULL_OPENCV",
+        ];
+        assert_eq!(read, expected);
+    }
+
+    #[test]
+    fn each_radial_term_is_in_its_place() {
+        let found = camera("RADIAL", &[500.0, 320.0, 240.0, 0.1, -0.2]).unwrap();
+        assert_eq!((found.fx, found.fy), (500.0, 500.0));
+        let expected = Distortion {
+            k1: 0.1,
+            k2: -0.2,
+            ..Distortion::default()
+        };
+        assert_eq!(found.distortion, Some(expected));
+    }
 }
