@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use serde_json::Value;
 
+use super::quantiles::{deviation, mean};
 use super::{PairResult, ResultSet, ScoreKind, score_kind};
 use crate::counted::counted;
 use crate::estimators;
@@ -118,19 +119,6 @@ fn groups(set: &ResultSet, pooled: u32) -> Vec<Vec<PairResult>> {
         }
     }
     groups
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn deviation(values: &[f64]) -> Option<f64> {
-    let mean = mean(values);
-    let squares: f64 = values
-        .iter()
-        .map(|value| (value - mean) * (value - mean))
-        .sum();
-    (values.len() > 1).then(|| (squares / (values.len() - 1) as f64).sqrt())
 }
 
 /// The mean over datasets of each method under each protocol that has several.
@@ -349,9 +337,22 @@ mod tests {
         let [superglue, roma] =
             [&SUPERGLUE, &ROMA].map(|protocol| score(&set, None, protocol).scores[1]);
         assert!((superglue.value.unwrap() - mean(&aucs)).abs() < 1e-15);
-        assert_eq!(superglue.deviation, deviation(&aucs));
+        assert!(superglue.deviation.is_some());
         assert!((roma.value.unwrap() - exact_auc(&set.pairs, 10.0)).abs() < 1e-15);
         assert!(roma.deviation.is_none() && roma.value != superglue.value);
+    }
+
+    #[test]
+    fn the_deviation_is_that_of_the_scores_of_repetitions() {
+        // Three pairs, of errors e, f, g below 10 degrees: the area up to 10 is 30 - e - f - g / 2, or 20 - e - f / 2, or
+        // 10 - e / 2, of 30.
+        let runs: [&[f64]; 3] = [&[8.0, 50.0, 50.0], &[4.0, 8.0, 50.0], &[4.0, 4.0, 8.0]];
+        let scores = score(&set("ransac-e", &runs), None, &SUPERGLUE).scores;
+        assert_eq!(scores[1].id, "exact_auc_10");
+        // The AUCs are 0.2, 0.4 and 0.6.
+        assert!((scores[1].value.expect("there are pairs") - 0.4).abs() < 1e-12);
+        let deviation = scores[1].deviation.expect("three repetitions");
+        assert!((deviation - 0.2).abs() < 1e-12);
     }
 
     #[test]

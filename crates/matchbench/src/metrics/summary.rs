@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::protocols;
 
+use super::quantiles::deviation;
 use super::{
     Angle, Failures, Model, PairResult, Portion, ResultSet, SCORES, Score, ScoreKind, Scores,
     StageQuartiles, Subject, SuccessCurve, ranking_auc,
@@ -162,10 +163,7 @@ fn auc_deviation(results: &ResultSet) -> Option<f64> {
     if aucs.len() != results.repetitions as usize {
         return None;
     }
-    let mean = aucs.iter().sum::<f64>() / aucs.len() as f64;
-    let squares: f64 = aucs.iter().map(|auc| (auc - mean) * (auc - mean)).sum();
-    let variance = squares / (aucs.len() as f64 - 1.0);
-    (aucs.len() > 1 && variance.is_finite()).then(|| variance.sqrt())
+    deviation(&aucs)
 }
 
 fn is_undirected(pair: &PairResult) -> bool {
