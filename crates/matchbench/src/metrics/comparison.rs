@@ -271,4 +271,34 @@ mod tests {
         let by = leads[0].difference.value.expect("the same pairs");
         assert!((by - 4.0 / 15.0).abs() < 1e-15);
     }
+
+    #[test]
+    fn each_angle_is_compared_with_itself() {
+        // The rotation is below 15 and then 10 of 15 thresholds, the translation below 8 and then 11, the larger of both below 8
+        // and then 10.
+        let before = results(vec![solved(0, 0.5, 7.5, 50)]);
+        let after = results(vec![solved(0, 5.5, 4.5, 50)]);
+        let comparison = compare(&before, &after);
+        for (difference, expected) in [
+            (comparison.auc, 2.0 / 15.0),
+            (comparison.rotation_auc, -5.0 / 15.0),
+            (comparison.translation_auc, 3.0 / 15.0),
+        ] {
+            let value = difference.value.expect("a pair in common");
+            assert!((value - expected).abs() < 1e-15, "{value} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_repetition_is_compared_with_the_same_one() {
+        let repeated = |repetition, error| PairResult {
+            repetition,
+            ..solved(0, 0.1, error, 50)
+        };
+        let before = results(vec![repeated(0, 0.5), repeated(1, 9.5)]);
+        let after = results(vec![repeated(1, 9.5), repeated(0, 0.5), repeated(2, 3.0)]);
+        let same = compare(&before, &after);
+        assert_eq!((same.pairs, same.changed), (2, 0));
+        assert_eq!((same.gained, same.lost), (0, 0));
+    }
 }

@@ -311,9 +311,9 @@ mod tests {
         assert_eq!(values(&pose)[4], Some(28.0 / 70.0));
         assert!(pose[0].interval.is_some() && pose[1..4].iter().all(|s| s.interval.is_none()));
         assert!(curves[0] == 3.0 / 7.0 && curves[1].is_nan() && curves[2].is_nan());
-        let (apart, _) = scores("R_errs t_errs\n0.5 1.0\n3.0 2.0\n");
-        // Larger: 14 and 12 of 15 thresholds, rotation: 15 and 12, translation: 14 and 13.
-        let expected = [26.0 / 30.0, 27.0 / 30.0, 27.0 / 30.0];
+        let (apart, _) = scores("R_errs t_errs\n0.5 4.0\n3.0 2.0\n");
+        // Larger: 11 and 12 of 15 thresholds, rotation: 15 and 12, translation: 11 and 13.
+        let expected = [23.0 / 30.0, 27.0 / 30.0, 24.0 / 30.0];
         assert_eq!(values(&apart)[..3], expected.map(Some));
         assert_eq!(values(&apart)[3], None);
     }

@@ -346,4 +346,20 @@ mod tests {
         results.pairs.iter_mut().for_each(|pair| pair.counts = None);
         assert_eq!(hard_pairs(&[&results], None), []);
     }
+
+    #[test]
+    fn a_pose_is_right_below_ten_degrees() {
+        let mut results = set(&[(true, 900, 50); 3]);
+        results.pairs = vec![
+            solved(0, 9.9, 0.5, 50),
+            solved(1, 0.5, 10.0, 50),
+            solved(2, 10.1, 0.5, 50),
+        ];
+        let hard = HardPairs {
+            hardship: Hardship::WideAngle,
+            pairs: [(0, 1), (1, 2), (2, 3)].into(),
+            example: None,
+        };
+        assert_eq!(hard.right(&results), [Some(1.0 / 3.0), None]);
+    }
 }

@@ -208,4 +208,15 @@ mod tests {
         let results = [silent.to_vec(), poses(0.5, 1, 0)].concat();
         assert_eq!(Reliability::of(&results).unwrap().poses, 1);
     }
+
+    #[test]
+    fn a_pose_is_right_below_ten_degrees() {
+        let results: Vec<PairResult> = ([9.9, 10.0, 10.1].into_iter())
+            .map(|error| PairResult {
+                confidence: Some(0.5),
+                ..solved(0, 0.5, error, 100)
+            })
+            .collect();
+        assert_eq!(Reliability::of(&results).unwrap().right, 1.0 / 3.0);
+    }
 }

@@ -381,4 +381,23 @@ mod tests {
         );
         assert!(judged.keys().any(|(a, _)| *a > 8990));
     }
+
+    #[test]
+    fn a_pose_agrees_with_the_truth_below_ten_degrees() {
+        let mut near = results((0..4).map(|a| (a, a + 1)), 0.95, 0.0);
+        let errors = [(0.5, 9.9), (0.5, 10.0), (9.9, 10.1), (10.0, 0.5)];
+        for (pair, (rotation, translation)) in near.pairs.iter_mut().zip(errors) {
+            let translation = Some(translation);
+            let error = AngularError {
+                rotation,
+                translation,
+            };
+            pair.outcome = Ok(Deviation::Pose(error));
+        }
+        let found: Vec<_> = (judged(&[&near]).values())
+            .map(|agreement| (agreement.pose, agreement.rotation))
+            .collect();
+        let expected = [(true, true), (false, true), (false, true), (false, false)];
+        assert_eq!(found, expected);
+    }
 }
