@@ -113,4 +113,17 @@ mod tests {
         assert_eq!((spreads.select, spreads.features), (None, None));
         assert!(spreads.is_timed() && !StageQuartiles::new(&[]).is_timed());
     }
+
+    #[test]
+    fn quartiles_by_hand() {
+        // A quarter of the way from the first to the last of 1, 2, 4, 8 is at 1 + 3/4, three quarters at 4 + 1/4 of 4.
+        let expected = Quartiles {
+            lower: 1.75,
+            median: 3.0,
+            upper: 5.0,
+            mean: 3.75,
+        };
+        assert_eq!(Quartiles::of([4.0, 1.0, 8.0, 2.0]), Some(expected));
+        assert_eq!(Quartiles::of([]), None);
+    }
 }

@@ -52,3 +52,90 @@ pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
 fn recorded(set: &ResultSet) -> usize {
     set.ignored + set.pairs.len() - set.missing()
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::pair_result::tests::solved;
+    use super::super::{Failure, PairResult};
+    use super::*;
+
+    /// A plan of two repetitions of three pairs of each of these datasets, by these matchers with two estimators.
+    fn plan(datasets: &[&str], matchers: &[&str]) -> Plan {
+        let datasets: Vec<_> = (datasets.iter())
+            .map(|name| json!({"name": name, "path": name, "frames": 4, "pairs": 3, "fingerprint": ""}))
+            .collect();
+        let estimator = |id: &str| json!({"id": id, "params": {}});
+        let matchers: Vec<_> = (matchers.iter())
+            .map(|id| json!({"id": id, "params": {}, "estimators": [estimator("best"), estimator("rich")]}))
+            .collect();
+        serde_json::from_value(json!({
+            "version": "0.1.0",
+            "settings": {"seed": 0, "repetitions": 2, "limit": null},
+            "datasets": datasets,
+            "matchers": matchers
+        }))
+        .expect("a plan")
+    }
+
+    /// Results of so many tasks, and of one more that has none.
+    fn set(matcher: &str, estimator: &str, done: u32) -> ResultSet {
+        let mut pairs: Vec<PairResult> = (0..done).map(|a| solved(a, 0.5, 0.5, 50)).collect();
+        pairs.push(PairResult::failed(9, 10, Failure::Missing));
+        ResultSet {
+            dataset: "room".into(),
+            matcher: matcher.into(),
+            estimator: estimator.into(),
+            repetitions: 2,
+            pairs,
+            ignored: 0,
+        }
+    }
+
+    #[test]
+    fn methods_without_all_their_records_are_named() {
+        let plan = plan(&["room"], &["sift"]);
+        let done = [set("sift", "best", 6), set("sift", "rich", 6)];
+        assert_eq!(unfinished(&plan, &done), [""; 0]);
+        let mut stopped = [set("sift", "best", 6), set("sift", "rich", 4)];
+        let expected = ["sift with rich on room: 4 of 6 planned tasks recorded"];
+        assert_eq!(unfinished(&plan, &stopped), expected);
+        // A record of a pair that is not listed any more is one all the same.
+        stopped[1].ignored = 2;
+        assert_eq!(unfinished(&plan, &stopped), [""; 0]);
+        let none = unfinished(&plan, &stopped[..1]);
+        let expected = ["sift with rich on room: 0 of 6 planned tasks recorded"];
+        assert_eq!(none, expected);
+    }
+
+    #[test]
+    fn a_matcher_is_not_missed_on_datasets_that_it_takes_no_part_in() {
+        let mut plan = plan(&["room", "hall"], &["sift", "orb"]);
+        plan.datasets[0].matchers = Some(vec!["sift".into()]);
+        plan.datasets[1].matchers = Some(vec!["orb".into()]);
+        let expected = [
+            "sift with best on room",
+            "sift with rich on room",
+            "orb with best on hall",
+            "orb with rich on hall",
+        ];
+        let expected = expected.map(|method| format!("{method}: 0 of 6 planned tasks recorded"));
+        assert_eq!(unfinished(&plan, &[]), expected);
+    }
+
+    #[test]
+    fn four_methods_are_named_and_the_others_counted() {
+        let mut five = plan(&["room"], &["sift", "orb", "kaze"]);
+        five.matchers[2].estimators.pop();
+        let named = unfinished(&five, &[]);
+        assert_eq!(named.len(), 5);
+        assert_eq!(
+            named[4],
+            "kaze with best on room: 0 of 6 planned tasks recorded"
+        );
+        let six = unfinished(&plan(&["room"], &["sift", "orb", "kaze"]), &[]);
+        assert_eq!(six.len(), 5);
+        assert_eq!(six[4], "not finished either: 2 more methods");
+    }
+}
