@@ -1,6 +1,6 @@
 //! Cameras: given by their own fields, or by the names of COLMAP's camera models.
 
-use matchbench::counted::counted;
+use matchbench::datasets::camera_of_model;
 use matchbench_vision::geometry::{self, Distortion, Fisheye, Lens};
 use nalgebra::Matrix3;
 use pyo3::prelude::*;
@@ -99,37 +99,14 @@ impl Camera {
     }
 
     /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL,
-    /// OPENCV or OPENCV_FISHEYE.
+    /// OPENCV, OPENCV_FISHEYE, or FULL_OPENCV where k4, k5 and k6 are 0.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
     fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
-        let (focal, lens) = match (model, &params[..]) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], None),
-            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], None),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => {
-                ([f, f, cx, cy], Some(brown([k, 0.0, 0.0, 0.0, 0.0])))
-            }
-            ("RADIAL", &[f, cx, cy, k1, k2]) => {
-                ([f, f, cx, cy], Some(brown([k1, k2, 0.0, 0.0, 0.0])))
-            }
-            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-                ([fx, fy, cx, cy], Some(brown([k1, k2, p1, p2, 0.0])))
-            }
-            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
-                ([fx, fy, cx, cy], Some(Fisheye { k1, k2, k3, k4 }.into()))
-            }
-            _ => {
-                return Err(value_error(format!(
-                    "camera model \"{model}\" with {}; known are SIMPLE_PINHOLE (f, cx, cy), \
-                     PINHOLE (fx, fy, cx, cy), SIMPLE_RADIAL (f, cx, cy, k), RADIAL (f, cx, cy, k1, k2), \
-                     OPENCV (fx, fy, cx, cy, k1, k2, p1, p2) and OPENCV_FISHEYE (fx, fy, cx, cy, k1, k2, k3, k4)",
-                    counted(params.len(), "parameter")
-                )));
-            }
-        };
-        let [fx, fy, cx, cy] = focal;
-        checked([fx, fy, cx + shift, cy + shift], lens)
+        let given = camera_of_model(model, &params).map_err(value_error)?;
+        let geometry::Camera { fx, fy, cx, cy, .. } = given;
+        checked([fx, fy, cx + shift, cy + shift], given.distortion)
     }
 
     /// Focal length along x, in pixels.

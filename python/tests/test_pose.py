@@ -165,12 +165,22 @@ def test_cameras_by_colmaps_names():
         ("PINHOLE", [500, 501, 320, 240], mb.Camera(500, 501, 320, 240)),
         ("SIMPLE_RADIAL", [500, 320, 240, 0.1], mb.Camera(500, 500, 320, 240, (0.1, 0, 0, 0))),
         ("RADIAL", [500, 320, 240, 0.1, -0.2], mb.Camera(500, 500, 320, 240, (0.1, -0.2, 0, 0))),
+        ("RADIAL", [500, 320, 240, 0, 0], mb.Camera(500, 500, 320, 240)),
+        (
+            "FULL_OPENCV",
+            [500, 501, 320, 240, 0.1, -0.2, 0.001, 0.002, 0.3, 0, 0, 0],
+            mb.Camera(500, 501, 320, 240, (0.1, -0.2, 0.001, 0.002, 0.3)),
+        ),
     ]:
         assert mb.Camera.from_model(model, params, origin="center") == expected
         corner = mb.Camera.from_model(model, params, origin="corner")
         assert (corner.cx, corner.cy) == (319.5, 239.5) and corner.distortion == expected.distortion
-    for model, params in [("FISHEYE", [1]), ("PINHOLE", [500, 320, 240])]:
-        with pytest.raises(ValueError, match="SIMPLE_RADIAL"):
+    for model, params, words in [
+        ("FISHEYE", [1], "FISHEYE is not supported: .*SIMPLE_RADIAL"),
+        ("PINHOLE", [500, 320, 240], "3 parameters.*PINHOLE, which has fx fy cx cy"),
+        ("FULL_OPENCV", [1] * 12, "without k4, k5 and k6"),
+    ]:
+        with pytest.raises(ValueError, match=words):
             mb.Camera.from_model(model, params, origin="center")
     with pytest.raises(ValueError, match="positive"):
         mb.Camera(-1, 1, 0, 0)

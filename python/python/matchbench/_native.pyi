@@ -46,7 +46,7 @@ class Camera:
     @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
-        SIMPLE_RADIAL, RADIAL, OPENCV or OPENCV_FISHEYE."""
+        SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, or FULL_OPENCV where k4, k5 and k6 are 0."""
     @property
     def fx(self) -> float:
         """Focal length along x, in pixels."""

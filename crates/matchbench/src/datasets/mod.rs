@@ -5,6 +5,7 @@
 //! [`import`]. Poses are camera-to-world; `b_from_a` takes points from camera `a` to camera `b`.
 
 mod bring;
+mod camera_model;
 mod cameras;
 mod colour;
 mod decode;
@@ -35,6 +36,7 @@ mod turn;
 mod validate;
 mod write;
 
+pub use camera_model::{CameraModelError, camera_of_model};
 pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
 pub use decode::{
