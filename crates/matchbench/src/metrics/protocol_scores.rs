@@ -235,7 +235,12 @@ fn other_size(matcher: &MatcherPlan, asked: SizeRule) -> Option<String> {
         _ if given == wanted => return None,
         [Some(most), _] => format!("of at most {most} pixels"),
         [_, Some(Value::String(size))] => format!("of {size} pixels"),
-        _ => "as they are".to_owned(),
+        _ => {
+            let words = asked.in_words();
+            return Some(format!(
+                "images were as they are, not {words} unless that is their size"
+            ));
+        }
     };
     Some(format!("images were {theirs}, not {}", asked.in_words()))
 }
@@ -429,7 +434,7 @@ mod tests {
         assert_eq!(score(&results, Some(&ours), &MATCHBENCH).otherwise, [""; 0]);
         let said = score(&results, Some(&ours), &ROMA).otherwise.join("; ");
         for text in [
-            "images were as they are, not of 1200 pixels along the longer side",
+            "images were as they are, not of 1200 pixels along the longer side unless that is their size",
             "poses are by ransac-e, not by ransac-e-inliers",
             "thresholds were in pixels of the images as they are",
             "below 20 matches",

@@ -110,19 +110,37 @@ fn notes(scores: &[ProtocolScores]) -> Vec<String> {
         let (id, summary) = (protocol.id, protocol.summary);
         lines.push(format!("{id}: {summary}. {}.", words.join("; ")));
     }
-    let mut said = BTreeSet::new();
+    lines.extend(departures(scores));
+    lines
+}
+
+/// Where the run departed from what protocols ask: a sentence for all methods with the same departures.
+fn departures(scores: &[ProtocolScores]) -> Vec<String> {
+    let method = |one: &ProtocolScores| super::words::method(&one.matcher, &one.estimator);
+    let mut said: Vec<(&str, String, Vec<String>)> = Vec::new();
     for one in scores.iter().filter(|one| !one.otherwise.is_empty()) {
-        let [_, matcher, estimator, protocol] = names(one);
-        let of = super::words::method(matcher, estimator);
-        let text = format!(
-            "{of} is not as {protocol} asks: {}.",
-            one.otherwise.join("; ")
-        );
-        if said.insert(text.clone()) {
-            lines.push(text);
+        let (protocol, words, name) = (one.protocol, one.otherwise.join("; "), method(one));
+        let known = said
+            .iter_mut()
+            .find(|(id, how, _)| *id == protocol && *how == words);
+        match known {
+            Some((.., methods)) if methods.contains(&name) => {}
+            Some((.., methods)) => methods.push(name),
+            None => said.push((protocol, words, vec![name])),
         }
     }
-    lines
+    let sentence = |(protocol, words, its): (&str, String, Vec<String>)| {
+        let all: BTreeSet<String> = (scores.iter().filter(|one| one.protocol == protocol))
+            .map(method)
+            .collect();
+        let (who, are) = match its.len() {
+            1 => (its.concat(), "is"),
+            many if many == all.len() => (format!("all {many} methods"), "are"),
+            _ => (super::words::together(&its), "are"),
+        };
+        format!("{who} {are} not as {protocol} asks: {words}.")
+    };
+    said.into_iter().map(sentence).collect()
 }
 
 fn as_table(scores: &[ProtocolScores]) -> String {
@@ -246,7 +264,19 @@ mod tests {
             text.contains("sift + ransac-e is not as imc asks"),
             "{text}"
         );
-        let text = as_latex(&scores());
+        let results =
+            content(&[("room", "sift", 6), ("room", "orb", 3), ("room", "gms", 3)]).results;
+        let mut scores = under_protocols(&results, None, &[&IMC]);
+        assert_eq!(departures(&scores).len(), 1);
+        assert!(departures(&scores)[0].starts_with("all 3 methods are not as imc asks: "));
+        scores[0].otherwise.push("more".to_owned());
+        let text = departures(&scores);
+        assert!(
+            text[0].starts_with("sift + ransac-e is not as imc asks: "),
+            "{text:?}"
+        );
+        assert!(text[1].starts_with("orb + ransac-e and gms + ransac-e are not as imc asks: "));
+        let text = as_latex(&self::scores());
         assert!(
             text.contains("ro\\_om") && !text.contains("ro_om"),
             "{text}"
