@@ -444,6 +444,8 @@ fn compare_says_what_changed_in_numbers_and_in_words() {
         path("bad")
     );
     assert!(out.contains(&sentence) && out.contains("better"), "{out}");
+    // The report decides it together with all others.
+    assert!(out.contains("], for this comparison alone\n"), "{out}");
     assert!(compare("good", "bad").contains(&sentence));
     assert!(compare("good", "good").contains("score the same on wall"));
 }
@@ -473,7 +475,7 @@ fn eval_says_who_is_best_and_how_certainly() {
     assert!(done.status.success(), "{}", text(&done.stderr));
     let told_of_few = text(&run(&["eval", &of_few]).stdout);
     assert!(
-        told_of_few.contains("5 images are too few to be certain of it"),
+        told_of_few.contains("nothing is certain with 5 images that are in several pairs, or pairs that share no image"),
         "{told_of_few}"
     );
     let last = told.lines().last().expect("what to do next");

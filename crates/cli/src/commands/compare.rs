@@ -6,9 +6,11 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
-use matchbench::metrics::{Comparison, Difference, ResultSet, compare, load, load_each};
+use matchbench::metrics::{
+    Comparison, Difference, MIN_IMAGES, ResultSet, compare, load, load_each,
+};
 use matchbench::records::{DatasetPlan, RunFolder};
-use matchbench::report::{Duel, Side, advantage, fixed, signed, write_differences};
+use matchbench::report::{Duel, Side, advantage, fixed, signed, units, write_differences};
 
 use super::eval::{method, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
@@ -339,12 +341,14 @@ fn table(rows: &[Row<'_>]) -> String {
             .collect();
         let _ = writeln!(text, "{}", cells.join("  ").trim_end());
     }
-    text.push_str(
+    let _ = write!(
+        text,
         "\nchange: of the AUC, on the pairs that both runs have, with the paired 95 % interval (pairs that \
-         share an image are not independent);\nbetter and worse: the interval leaves out 0 (there is none below 6 images \
-         that are in several pairs);\ngained and lost: pairs below 5 degrees after but not before, and the \
+         share an image are not independent);\nbetter and worse: the interval leaves out 0, which is decided for each comparison \
+         alone (there is none with fewer than {});\ngained and lost: pairs below 5 degrees after but not before, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
          3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
+        units(MIN_IMAGES)
     );
     text
 }

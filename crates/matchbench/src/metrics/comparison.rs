@@ -104,6 +104,10 @@ pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
             *leader = (i, auc(set));
         }
     }
+    let comparisons = |set: &ResultSet| {
+        let rivals = sets.iter().filter(|other| key(other) == key(set)).count();
+        rivals * (rivals - 1) / 2
+    };
     (sets.iter().enumerate())
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
@@ -119,6 +123,7 @@ pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
                 other: method(set),
                 difference: Difference {
                     is_certain: groups.differ(best, i) && agrees,
+                    together: Some(comparisons(set)),
                     ..difference
                 },
             }
@@ -270,6 +275,8 @@ mod tests {
         assert_eq!(found, [("orb", "sift", true), ("orb", "surf", false)]);
         let by = leads[0].difference.value.expect("the same pairs");
         assert!((by - 4.0 / 15.0).abs() < 1e-15);
+        // All three methods are compared with each other, and decided together.
+        assert_eq!(leads[0].difference.together, Some(3));
     }
 
     #[test]

@@ -70,4 +70,4 @@ pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{SuccessCurve, THRESHOLDS};
 pub use summary::{Summary, shown_scores};
 pub use times::{Quartiles, StageQuartiles};
-pub use unfinished::unfinished;
+pub use unfinished::{Unfinished, unfinished};

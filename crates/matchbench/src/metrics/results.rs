@@ -313,16 +313,19 @@ pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, 
     Ok(read_dataset_pairs(&dir)?)
 }
 
-/// Datasets and matchers in the order in which the plan names them; what it does not name comes
+/// Datasets, matchers and estimators in the order in which the plan names them; what it does not name comes
 /// last.
 fn order_as_planned(sets: &mut [ResultSet], plan: &Plan) {
     let dataset = |name: &str| (plan.datasets.iter()).position(|dataset| dataset.name == name);
     let matcher = |id: &str| (plan.matchers.iter()).position(|matcher| matcher.id == id);
+    let estimators = (plan.matchers.iter()).flat_map(|matcher| &matcher.estimators);
+    let estimator = |id: &str| estimators.clone().position(|estimator| estimator.id == id);
     let last = usize::MAX;
     sets.sort_by_cached_key(|set| {
         (
             dataset(&set.dataset).unwrap_or(last),
             matcher(&set.matcher).unwrap_or(last),
+            estimator(&set.estimator).unwrap_or(last),
         )
     });
 }

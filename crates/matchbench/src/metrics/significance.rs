@@ -18,8 +18,11 @@ pub struct Difference {
     pub interval: Option<Interval>,
     /// Units of these pairs, see [`MIN_IMAGES`].
     pub images: usize,
-    /// Whether its sign is certain: the interval leaves out 0.
+    /// Whether its sign is certain: the interval leaves out 0; or, if it is one of several, what all of these tell
+    /// together.
     pub is_certain: bool,
+    /// How many comparisons decide together what is certain; `None` if this one is decided alone.
+    pub together: Option<usize>,
 }
 
 impl Difference {
@@ -36,17 +39,18 @@ impl Difference {
             low: low.max(-1.0),
             high: high.min(1.0),
         });
-        let leaves_out_zero =
-            interval.is_some_and(|interval| interval.low > ROUNDING || interval.high < -ROUNDING);
         // The mean, which is what is tested, must have the sign of the score.
         let agrees = value * mean.value > 0.0;
         let is_significant = p_value(&mean).is_some_and(|p| p <= ALPHA);
-        Self {
+        let mut difference = Self {
             value: Some(value),
             interval,
             images: mean.units,
-            is_certain: leaves_out_zero && agrees && is_significant,
-        }
+            is_certain: false,
+            together: None,
+        };
+        difference.is_certain = difference.leaves_out_zero() && agrees && is_significant;
+        difference
     }
 
     /// As seen on many images: certain if the interval leaves out 0.
@@ -58,7 +62,13 @@ impl Difference {
             interval,
             images: 4 * MIN_IMAGES,
             is_certain: interval.is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0),
+            together: None,
         }
+    }
+
+    /// Whether its interval leaves out 0, but for rounding.
+    pub fn leaves_out_zero(&self) -> bool {
+        (self.interval).is_some_and(|interval| interval.low > ROUNDING || interval.high < -ROUNDING)
     }
 
     /// Whether there is none, but for rounding.

@@ -76,7 +76,7 @@ impl Summary {
             failures,
             ignored: results.ignored,
             undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
-            portion: Portion::of(pairs),
+            portion: Portion::of(pairs.iter().map(|pair| (pair.a, pair.b))),
             scores: Scores::new(pairs),
             auc_deviation: auc_deviation(results),
             group: String::new(),

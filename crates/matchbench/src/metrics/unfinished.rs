@@ -7,45 +7,64 @@ use crate::records::Plan;
 /// Methods that are named one by one.
 const NAMED: usize = 4;
 
-/// Of each method of the plan whose records are not as many as its tasks a sentence: the scores of a run that
-/// was stopped, or has lost records, are not those of all its pairs. None of a shard, which has a part of the pairs.
-pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
-    let mut sentences = Vec::new();
-    if plan.shard.is_some() {
-        return sentences;
-    }
-    for dataset in &plan.datasets {
-        let takes_part = |id: &String| (dataset.matchers.iter()).all(|ids| ids.contains(id));
-        for matcher in plan
-            .matchers
-            .iter()
-            .filter(|matcher| takes_part(&matcher.id))
-        {
-            for estimator in &matcher.estimators {
-                let names = [&dataset.name, &matcher.id, &estimator.id];
-                let set =
-                    (sets.iter()).find(|set| [&set.dataset, &set.matcher, &set.estimator] == names);
-                let (done, planned) = (set.map_or(0, recorded), plan.tasks_on(dataset));
-                if done != planned {
-                    sentences.push(format!(
-                        "{} with {} on {}: {done} of {} recorded",
-                        matcher.id,
-                        estimator.id,
-                        dataset.name,
-                        counted(planned, "planned task")
-                    ));
+/// What a run that was stopped, or has lost records, lacks: its scores are not those of all its pairs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Unfinished {
+    /// How many planned results have no record.
+    pub missing: usize,
+    /// How many results are planned, of all methods.
+    pub planned: usize,
+    /// Of each method of the plan whose records are not as many as its tasks, a sentence; of many, of the first.
+    pub sentences: Vec<String>,
+}
+
+impl Unfinished {
+    /// Of a run; `None` if every method has its records, or if it is a shard, which has a part of the pairs.
+    pub fn of(plan: &Plan, sets: &[ResultSet]) -> Option<Self> {
+        let mut all = Self::default();
+        if plan.shard.is_some() {
+            return None;
+        }
+        for dataset in &plan.datasets {
+            let takes_part = |id: &String| (dataset.matchers.iter()).all(|ids| ids.contains(id));
+            for matcher in plan
+                .matchers
+                .iter()
+                .filter(|matcher| takes_part(&matcher.id))
+            {
+                for estimator in &matcher.estimators {
+                    let names = [&dataset.name, &matcher.id, &estimator.id];
+                    let set = (sets.iter())
+                        .find(|set| [&set.dataset, &set.matcher, &set.estimator] == names);
+                    let (done, planned) = (set.map_or(0, recorded), plan.tasks_on(dataset));
+                    all.planned += planned;
+                    all.missing += planned.saturating_sub(done);
+                    if done != planned {
+                        all.sentences.push(format!(
+                            "{} with {} on {}: {done} of {} recorded",
+                            matcher.id,
+                            estimator.id,
+                            dataset.name,
+                            counted(planned, "planned task")
+                        ));
+                    }
                 }
             }
         }
+        if all.sentences.len() > NAMED + 1 {
+            let more = all.sentences.split_off(NAMED).len();
+            all.sentences.push(format!(
+                "not finished either: {}",
+                counted(more, "more method")
+            ));
+        }
+        (!all.sentences.is_empty()).then_some(all)
     }
-    if sentences.len() > NAMED + 1 {
-        let more = sentences.split_off(NAMED).len();
-        sentences.push(format!(
-            "not finished either: {}",
-            counted(more, "more method")
-        ));
-    }
-    sentences
+}
+
+/// The sentences of [`Unfinished::of`].
+pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
+    Unfinished::of(plan, sets).map_or_else(Vec::new, |unfinished| unfinished.sentences)
 }
 
 /// Tasks of a method that have a record.

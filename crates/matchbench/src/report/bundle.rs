@@ -12,6 +12,7 @@ use super::again::Again;
 use super::content::Content;
 use super::html::{Extent, render_extent};
 use super::pair_table::columns;
+use super::unfinished::noted;
 use super::{Format, booktabs, citations, method, pairs_csv, render};
 
 /// Most bytes of the file.
@@ -49,9 +50,30 @@ fn bundle(content: &Content, most: usize) -> Option<String> {
     let small = || {
         [
             ("scores.csv", render(Format::Csv, summaries)),
-            ("scores.md", render(Format::Markdown, summaries)),
-            ("auc.tex", render(Format::Latex, summaries)),
-            ("auc-booktabs.tex", booktabs::render(summaries)),
+            (
+                "scores.md",
+                noted(
+                    content.lacking.as_ref(),
+                    Format::Markdown,
+                    render(Format::Markdown, summaries),
+                ),
+            ),
+            (
+                "auc.tex",
+                noted(
+                    content.lacking.as_ref(),
+                    Format::Latex,
+                    render(Format::Latex, summaries),
+                ),
+            ),
+            (
+                "auc-booktabs.tex",
+                noted(
+                    content.lacking.as_ref(),
+                    Format::Latex,
+                    booktabs::render(summaries),
+                ),
+            ),
             ("method.tex", method::latex(content)),
             ("cite.bib", citations::render(content)),
         ]

@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 
 use crate::metrics::{Model, Summary};
 
-use super::overview::REFERENCE;
 use super::svg::{Target, heat_map};
 
 /// AUC of matchers by the estimators of one model, on one dataset or the mean over all datasets, of those that were
@@ -27,7 +26,6 @@ pub(super) fn estimator_figure(
             estimators.push(&summary.estimator);
         }
     }
-    estimators.sort_by_key(|id| *id != REFERENCE);
     let datasets: BTreeSet<&str> = (of_model().map(|s| &*s.dataset))
         .filter(|name| dataset.is_none_or(|one| one == *name))
         .collect();

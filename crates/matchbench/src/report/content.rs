@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::metrics::{DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
 use crate::records::Plan;
 
-use super::{DatasetFacts, PairView};
+use super::{DatasetFacts, Lacking, PairView};
 
 /// What a reader should know about the run besides its scores.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -46,6 +46,8 @@ pub struct Content {
     pub views: Vec<PairView>,
     /// Why the truth of a dataset looks wrong, in sentences; see [`doubts`](crate::metrics::doubts()).
     pub doubts: Vec<String>,
+    /// What the run has planned but not recorded, if it is not finished.
+    pub lacking: Option<Lacking>,
     /// Facts about the run.
     pub facts: RunFacts,
 }
@@ -70,6 +72,15 @@ impl Content {
             results,
             facts,
             ..Self::default()
+        }
+    }
+
+    /// Says of each score how all listed pairs of its dataset are made, where the dataset is available: if only some
+    /// of the pairs were scored, that cannot be told from them.
+    pub(super) fn take_portions(&mut self) {
+        for summary in &mut self.summaries {
+            let facts = (self.datasets.iter()).find(|facts| facts.name == summary.dataset);
+            summary.portion = facts.map_or(summary.portion, |facts| facts.portion);
         }
     }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::datasets::{Sequence, describe, reference};
-use crate::metrics::{PairResult, Portion};
+use crate::metrics::Portion;
 
 use super::Thumbnail;
 
@@ -38,9 +38,6 @@ impl DatasetFacts {
     /// report can be made without it.
     pub fn of_sequence(dir: &Path, sequence: &Sequence) -> Self {
         let about = describe(dir).unwrap_or_default();
-        let pairs: Vec<PairResult> = (sequence.pairs.iter())
-            .map(|pair| PairResult::failed(pair.a, pair.b, crate::metrics::Failure::Missing))
-            .collect();
         let middle = sequence.pairs.get(sequence.pairs.len() / 2);
         let picture = sequence
             .frames
@@ -48,7 +45,7 @@ impl DatasetFacts {
         let size = sequence.frames.first().and_then(|frame| frame.size().ok());
         Self {
             name: sequence.name.clone(),
-            portion: Portion::of(&pairs),
+            portion: Portion::of(sequence.pairs.iter().map(|pair| (pair.a, pair.b))),
             frames: sequence.frames.len(),
             pairs: sequence.pairs.len(),
             resolution: size.map(|size| (size.width, size.height)),
@@ -64,6 +61,14 @@ impl DatasetFacts {
     /// The paper of those whose data it has, if that is known.
     pub(super) fn reference(&self) -> Option<&'static str> {
         reference(&self.import, &self.origin)
+    }
+
+    /// The number of pairs; `10 of 435` where this many were scored.
+    pub(super) fn pairs_of(&self, scored: Option<usize>) -> String {
+        match scored {
+            Some(scored) if scored != self.pairs => format!("{scored} of {}", self.pairs),
+            _ => self.pairs.to_string(),
+        }
     }
 
     /// `640 x 480`, or a dash.

@@ -5,8 +5,10 @@ use std::fmt::Write as _;
 
 use crate::metrics::Portion;
 
+use super::Format;
 use super::content::Content;
 use super::latex::escape;
+use super::unfinished::noted;
 
 /// A complete `tabular`, the fragments first. Pairs are those that were scored.
 pub(super) fn latex(content: &Content) -> String {
@@ -24,10 +26,7 @@ pub(super) fn latex(content: &Content) -> String {
                 Some((width, height)) => format!("${width} \\times {height}$"),
                 None => "--".to_owned(),
             };
-            let pairs = match content.scored_pairs(&dataset.name) {
-                Some(scored) if scored != dataset.pairs => format!("{scored} of {}", dataset.pairs),
-                _ => dataset.pairs.to_string(),
-            };
+            let pairs = dataset.pairs_of(content.scored_pairs(&dataset.name));
             let property = match &*dataset.property {
                 "" => "--".to_owned(),
                 property => escape(property),
@@ -45,7 +44,7 @@ pub(super) fn latex(content: &Content) -> String {
         }
     }
     text.push_str("\\end{tabular}\n");
-    text
+    noted(content.lacking.as_ref(), Format::Latex, text)
 }
 
 #[cfg(test)]

@@ -105,12 +105,22 @@ pub(super) fn difficulty_lines<'a>(
     Some((ranges, lines))
 }
 
-/// AUC over difficulty, if anything is known of it on this dataset.
+/// The largest AUC over a difficulty on any dataset, to which the axes of all figures of it reach.
+pub(super) fn most_over(content: &Content, overview: &Overview<'_>, difficulty: Difficulty) -> f64 {
+    let lines = |column| difficulty_lines(content, overview, column, difficulty);
+    (0..overview.datasets.len())
+        .filter_map(lines)
+        .flat_map(|(_, lines)| lines)
+        .flat_map(|(_, _, values)| values.into_iter().flatten())
+        .fold(0.0, f64::max)
+}
+
+/// AUC over difficulty, if anything is known of it on this dataset. The axis is for all datasets (see [`most_over`]).
 pub(super) fn difficulty_figure(
     content: &Content,
     overview: &Overview<'_>,
     column: usize,
-    difficulty: Difficulty,
+    (difficulty, most): (Difficulty, f64),
     target: Target,
 ) -> Option<String> {
     let (ranges, lines) = difficulty_lines(content, overview, column, difficulty)?;
@@ -125,6 +135,7 @@ pub(super) fn difficulty_figure(
         &title,
         (difficulty.axis(geometry), &ranges),
         &lines,
+        most,
     ))
 }
 
@@ -344,9 +355,20 @@ pub(super) fn sp_figure(
         x,
         unit,
         y: "success ratio",
+        most: most_success(overview, angle),
     };
     let title = format!("{what}: {}", named(overview, column));
     Some(sp_curves(target, &title, &axes, &curves))
+}
+
+/// The largest success ratio on any dataset.
+fn most_success(overview: &Overview<'_>, angle: Angle) -> f64 {
+    let cells = overview
+        .rows
+        .iter()
+        .flat_map(|row| row.cells.iter().flatten());
+    let curves = cells.filter_map(|cell| success_curve(cell.summary, angle));
+    (curves.filter_map(|curve| curve.values().last().copied())).fold(0.0, f64::max)
 }
 
 /// The mean matching accuracy of each matcher on one dataset, if its true homographies are known.
@@ -372,6 +394,10 @@ pub(super) fn accuracy_figure(
         x: "distance threshold (pixels)",
         unit: " px",
         y: "share of the matches",
+        most: (0..overview.datasets.len())
+            .flat_map(|column| accuracies(overview, column))
+            .flat_map(|(_, _, values)| values)
+            .fold(0.0, f64::max),
     };
     (!curves.is_empty()).then(|| sp_curves(target, &title, &axes, &curves))
 }

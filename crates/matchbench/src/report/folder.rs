@@ -21,13 +21,14 @@ use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
     Difficulty, accuracy_figure, ap_figure, ap_panel_figure, difficulty_figure, lead_figure,
-    reliabilities, reliability_figure, sp_figure, time_figure,
+    most_over, reliabilities, reliability_figure, sp_figure, time_figure,
 };
 use super::file_names::{file_names, unique};
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Target;
+use super::unfinished::noted;
 use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
@@ -48,11 +49,17 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         ("scores.md", Format::Markdown),
         ("auc.tex", Format::Latex),
     ] {
-        out.write(&tables.join(name), render(format, summaries).as_bytes())?;
+        let table = noted(content.lacking.as_ref(), format, render(format, summaries));
+        out.write(&tables.join(name), table.as_bytes())?;
     }
     out.write(
         &tables.join("auc-booktabs.tex"),
-        booktabs::render(summaries).as_bytes(),
+        noted(
+            content.lacking.as_ref(),
+            Format::Latex,
+            booktabs::render(summaries),
+        )
+        .as_bytes(),
     )?;
     let cite = Path::new("cite");
     for (name, text) in [
@@ -247,6 +254,7 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
     };
     let mut figures: Vec<Figure> = Portion::ALL.into_iter().filter_map(panel).collect();
     let names = file_names(&overview.datasets);
+    let most = Difficulty::ALL.map(|difficulty| most_over(content, overview, difficulty));
     for (column, (dataset, name)) in overview.datasets.iter().zip(&names).enumerate() {
         for (prefix, angle) in [
             ("sp", Angle::Pose),
@@ -269,8 +277,9 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
             let spec = vega::lead(content, overview, column);
             figures.push((format!("lead-{name}"), svg, spec));
         }
-        for difficulty in Difficulty::ALL {
-            let svg = difficulty_figure(content, overview, column, difficulty, Target::File);
+        for (difficulty, most) in Difficulty::ALL.into_iter().zip(most) {
+            let scaled = (difficulty, most);
+            let svg = difficulty_figure(content, overview, column, scaled, Target::File);
             let spec = vega::difficulty(content, overview, column, difficulty);
             if let (Some(svg), Some(spec)) = (svg, spec) {
                 figures.push((format!("{}-{name}", difficulty.name()), svg, spec));

@@ -307,7 +307,16 @@ fn protocol(content: &Content, plan: Option<&Plan>, pieces: &mut Vec<Piece>) {
         cite(pieces, [CORNER_AUC].into_iter());
         text.push_str(". ");
     }
-    text.push_str("Failed and missing pairs stay in every denominator.");
+    match &content.lacking {
+        None => text.push_str("Failed and missing pairs stay in every denominator."),
+        Some(lacking) => {
+            let _ = write!(
+                text,
+                "Failed pairs stay in every denominator, but the run is not finished: {}, and in no score.",
+                lacking.extent()
+            );
+        }
+    }
     let has_interval = |summary: &Summary| summary.auc().interval.is_some();
     if content.summaries.iter().any(has_interval) {
         text.push_str(

@@ -45,6 +45,7 @@ mod raster;
 mod svg;
 mod table;
 mod time_table;
+mod unfinished;
 mod vega;
 mod verdict;
 mod words;
@@ -74,8 +75,9 @@ pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
 pub use protocol_table::render_protocols;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
+pub use unfinished::Lacking;
 pub use verdict::verdicts;
-pub use words::{advantage, leads_in_words, sentence};
+pub use words::{advantage, leads_in_words, sentence, units};
 
 /// The format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

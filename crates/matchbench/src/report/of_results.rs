@@ -61,6 +61,7 @@ pub fn of_results(
             )),
         }
     }
+    content.take_portions();
     Ok(content)
 }
 

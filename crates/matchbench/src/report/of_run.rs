@@ -15,9 +15,10 @@ use super::folder::{write_inner_report, write_report};
 use super::outside::outside;
 use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
+use super::unfinished::Lacking;
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
-use crate::metrics::{PairGeometry, ResultsError, doubts, load_run, unfinished};
+use crate::metrics::{PairGeometry, ResultsError, Unfinished, doubts, load_run};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 /// Options of a report.
@@ -111,7 +112,9 @@ pub fn content_of_run(
     let results = load_run(run, None)?;
     let mut content = Content::new(results, facts(run)?);
     let (sequences, mut notes) = sequences(run.plan());
-    notes.extend(unfinished(run.plan(), &content.results));
+    content.lacking = Lacking::of(run, Unfinished::of(run.plan(), &content.results));
+    let lacking = content.lacking.iter();
+    notes.extend(lacking.flat_map(|lacking| lacking.what.sentences.iter().cloned()));
     content.doubts = doubts(run, &content.results)?;
     notes.extend(content.doubts.iter().cloned());
     content.geometry = (sequences.iter())
@@ -144,12 +147,7 @@ pub fn content_of_run(
             Some(DatasetFacts::of_sequence(&dataset.path, sequence))
         })
         .collect();
-    // If only some of the pairs were run, the portion cannot be told from them.
-    for summary in &mut content.summaries {
-        if let Some(facts) = (content.datasets.iter()).find(|facts| facts.name == summary.dataset) {
-            summary.portion = facts.portion;
-        }
-    }
+    content.take_portions();
     Ok((content, notes))
 }
 

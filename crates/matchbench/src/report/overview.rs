@@ -12,15 +12,17 @@ use super::words;
 /// The matcher that the paper compares the others with.
 const BASELINE: &str = "sift";
 /// The estimator of the paper.
-pub(super) const REFERENCE: &str = "ransac-e";
+const REFERENCE: &str = "ransac-e";
 
-/// AUC of every matcher on every dataset. Both are in the order in which the scores name them, but the baseline
-/// comes first, and so does the reference among its estimators.
+/// AUC of every matcher on every dataset. Both are in the order in which the scores name them (that of the plan), but the
+/// baseline comes first. Estimators are in one order in every matcher.
 pub(super) struct Overview<'a> {
     /// Names of the datasets, the columns.
     pub(super) datasets: Vec<&'a str>,
     /// The portion of the benchmark that each dataset belongs to.
     pub(super) portions: Vec<Portion>,
+    /// The estimators, in the order in which the scores name them.
+    pub(super) estimators: Vec<&'a str>,
     /// What a row is.
     pub(super) subject: Subject,
     /// One row per matcher, or per matcher and estimator where there are several estimators.
@@ -97,9 +99,11 @@ impl<'a> Overview<'a> {
             }
         }
         let matchers = distinct(methods.iter().map(|method| method.0));
-        let place = |name| matchers.iter().position(|matcher| *matcher == name);
+        let estimators = distinct(methods.iter().map(|method| method.1));
+        let place = |names: &[&str], name| names.iter().position(|other| *other == name);
         methods.sort_by_key(|&(matcher, estimator)| {
-            (matcher != BASELINE, place(matcher), estimator != REFERENCE)
+            let (row, line) = (place(&matchers, matcher), place(&estimators, estimator));
+            (matcher != BASELINE, row, line)
         });
         let subject = subject(&methods);
         let rows = (methods.iter().zip(series(&methods, subject)))
@@ -125,6 +129,7 @@ impl<'a> Overview<'a> {
         Self {
             portions: datasets.iter().map(portion).collect(),
             datasets,
+            estimators,
             subject,
             rows,
         }

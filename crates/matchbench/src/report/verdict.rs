@@ -3,7 +3,7 @@
 
 use crate::metrics::{Difference, Lead};
 
-use super::words::{method, rounds, together};
+use super::words::{method, rounds, together, units};
 
 /// Most methods that a sentence names; of more it gives only the number.
 const NAMED: usize = 3;
@@ -25,10 +25,7 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
     doubtful.retain(|lead| !lead.difference.is_certain);
     let too_few = (doubtful.iter().map(|lead| lead.difference))
         .find(Difference::has_few_images)
-        .map(|difference| match difference.images {
-            1 => "1 image is too few".to_owned(),
-            images => format!("{images} images are too few"),
-        });
+        .map(|difference| format!("nothing is certain with {}", units(difference.images)));
     let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
     doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
     let is_certain = doubtful.is_empty();
@@ -40,9 +37,9 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
     let shared = format!("{} share the highest AUC", equals(&best, &level));
     let text = match (too_few, level.is_empty(), is_certain) {
         (Some(too_few), true, _) => {
-            format!("{best} has the highest AUC; {too_few} to be certain of it")
+            format!("{best} has the highest AUC; {too_few}")
         }
-        (Some(too_few), false, _) => format!("{shared}; {too_few} to be certain of it"),
+        (Some(too_few), false, _) => format!("{shared}; {too_few}"),
         (None, true, true) => format!("{best} is certainly better than {others}"),
         (None, true, false) => {
             format!("{best} has the highest AUC, but is not certainly better than {others}")
@@ -153,8 +150,10 @@ mod tests {
         assert_eq!(
             [verdicts(&[few]), verdicts(&[fewest])].concat(),
             [
-                "office: sift + best has the highest AUC; 3 images are too few to be certain of it",
-                "office: sift + best has the highest AUC; 1 image is too few to be certain of it",
+                "office: sift + best has the highest AUC; nothing is certain with 3 images that are in several pairs, \
+                 or pairs that share no image",
+                "office: sift + best has the highest AUC; nothing is certain with 1 image that is in several pairs, \
+                 or pair that shares no image",
             ]
         );
     }

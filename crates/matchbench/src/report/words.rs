@@ -211,8 +211,9 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
     }
     let Some(interval) = difference.interval else {
         return format!(
-            "{ahead} is ahead of {behind} on {on} by {:.3}; too few images for an interval",
-            value.abs()
+            "{ahead} is ahead of {behind} on {on} by {:.3}; there is no interval with {}",
+            value.abs(),
+            units(difference.images)
         );
     };
     let (low, high) = if value < 0.0 {
@@ -226,10 +227,25 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
         fixed(low, 3),
         fixed(high, 3)
     );
-    if difference.is_certain {
-        format!("{ahead} beats {behind} on {on} by {range}")
-    } else {
-        format!("{ahead} is not certainly better than {behind} on {on}: {range}")
+    match difference.together {
+        None if difference.is_certain => {
+            format!("{ahead} beats {behind} on {on} by {range}, for this comparison alone")
+        }
+        Some(_) if difference.is_certain => format!("{ahead} beats {behind} on {on} by {range}"),
+        Some(all @ 2..) if difference.leaves_out_zero() => {
+            format!(
+                "{ahead} is ahead of {behind} on {on} by {range}, not certain among {all} comparisons"
+            )
+        }
+        _ => format!("{ahead} is not certainly better than {behind} on {on}: {range}"),
+    }
+}
+
+/// What there must be enough of for an interval, so many of them; see [`MIN_IMAGES`](crate::metrics::MIN_IMAGES).
+pub fn units(count: usize) -> String {
+    match count {
+        1 => "1 image that is in several pairs, or pair that shares no image".to_owned(),
+        _ => format!("{count} images that are in several pairs, or pairs that share no image"),
     }
 }
 
@@ -342,11 +358,24 @@ mod tests {
         let words = |difference| advantage("a", "b", "06", &difference);
         assert_eq!(
             words(score(0.03, 0.01, 0.05)),
-            "a beats b on 06 by 0.030 [0.010, 0.050]"
+            "a beats b on 06 by 0.030 [0.010, 0.050], for this comparison alone"
         );
         assert_eq!(
             words(score(-0.03, -0.05, -0.01)),
-            "b beats a on 06 by 0.030 [0.010, 0.050]"
+            "b beats a on 06 by 0.030 [0.010, 0.050], for this comparison alone"
+        );
+        // Of several that are decided together, one that alone would be certain may not be.
+        let of_three = |is_certain| Difference {
+            together: Some(3),
+            is_certain,
+            ..score(-0.03, -0.05, -0.01)
+        };
+        assert_eq!(
+            [true, false].map(|is_certain| words(of_three(is_certain))),
+            [
+                "b beats a on 06 by 0.030 [0.010, 0.050]",
+                "b is ahead of a on 06 by 0.030 [0.010, 0.050], not certain among 3 comparisons",
+            ]
         );
         assert_eq!(
             words(score(-0.01, -0.05, 0.02)),
@@ -357,8 +386,15 @@ mod tests {
             words(score(-1e-17, -1e-4, 0.02)),
             "a and b score the same on 06: 0.000 [0.000, 0.020]"
         );
-        let alone = Difference::seen(0.2, None);
-        assert!(words(alone).starts_with("a is ahead of b on 06 by 0.200; too few"));
+        let few = Difference {
+            images: 3,
+            ..Difference::seen(0.2, None)
+        };
+        assert_eq!(
+            words(few),
+            "a is ahead of b on 06 by 0.200; there is no interval with 3 images that are in several pairs, or pairs \
+             that share no image"
+        );
         let level = Difference::seen(0.0, None);
         assert_eq!(words(level), "a and b score the same on 06");
     }

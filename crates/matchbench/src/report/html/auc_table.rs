@@ -18,7 +18,7 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, angle: Angle) -> 
             let cells: Vec<Value> = row.cells.iter().map(|c| auc(c.as_ref(), angle)).collect();
             let mean = (row.cells.len() > 1).then(|| ratio(row.mean()));
             let outside = content.outside.get(row.matcher);
-            context! { label => &row.label, outside, baseline => row.is_baseline, cells, mean }
+            context! { label => &row.label, outside, cells, mean }
         })
         .collect()
 }

@@ -80,11 +80,11 @@ fn pair(shown: &Shown<'_>, names: [&str; 2], protocols: [&Protocol; 2]) -> Value
     };
     let panels: Vec<Value> = (0..2)
         .map(|side| {
-            let words = sentence(results[side], protocols[side]);
+            let result = (results[side], protocols[side]);
             if let Some(view) = &shown.views[side] {
-                picture(names[side], Some(words), view)
+                picture(names[side], Some(result), view)
             } else {
-                context! { label => names[side], words }
+                context! { label => names[side], words => sentence(result.0, result.1) }
             }
         })
         .collect();

@@ -3,7 +3,7 @@
 use minijinja::{Value, context};
 
 use super::super::content::Content;
-use super::super::figures::{Difficulty, difficulty_figure};
+use super::super::figures::{Difficulty, difficulty_figure, most_over};
 use super::super::overview::Overview;
 use super::super::svg::Target;
 
@@ -14,10 +14,13 @@ pub(super) fn figures(
     overview: &Overview<'_>,
 ) -> (Vec<Value>, Vec<&'static str>) {
     let (mut figures, mut known) = (Vec::new(), [false; Difficulty::ALL.len()]);
+    let most = Difficulty::ALL.map(|difficulty| most_over(content, overview, difficulty));
     for (column, dataset) in overview.datasets.iter().enumerate() {
         let mut panels = Vec::new();
-        for (difficulty, known) in Difficulty::ALL.into_iter().zip(&mut known) {
-            let figure = difficulty_figure(content, overview, column, difficulty, Target::Page);
+        let scaled = Difficulty::ALL.into_iter().zip(most);
+        for ((difficulty, most), known) in scaled.zip(&mut known) {
+            let scaled = (difficulty, most);
+            let figure = difficulty_figure(content, overview, column, scaled, Target::Page);
             if let Some(svg) = figure {
                 let svg = Value::from_safe_string(svg);
                 panels.push(context! { name => difficulty.name(), svg });

@@ -31,7 +31,7 @@ use minijinja::{AutoEscape, Environment, Template, Value, context};
 
 use crate::counted::counted;
 use crate::metrics::{
-    Angle, Detail, GROUP_LEVEL_NOTE, Model, Portion, ScoreKind, Summary, shown_scores,
+    Angle, Detail, GROUP_LEVEL_NOTE, MIN_IMAGES, Model, Portion, ScoreKind, Summary, shown_scores,
 };
 
 use super::again::Again;
@@ -42,9 +42,9 @@ use super::figures::{
 };
 use super::method;
 use super::numbers::{self, interval};
-use super::overview::{Overview, REFERENCE, Row, Subject};
+use super::overview::{Cell, Overview, Row, Subject};
 use super::svg::{Target, data_url, legend_sample};
-use super::words::{definitions, leads_in_words, together};
+use super::words::{definitions, leads_in_words, together, units};
 
 /// The three errors of a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
@@ -112,6 +112,10 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         script => include_str!("script.js"),
         headlines => headlines(content, &overview),
         doubts => &content.doubts,
+        enough => units(MIN_IMAGES),
+        lacking => content.lacking.as_ref().map(|lacking| {
+            context! { text => lacking.sentences(), command => &lacking.command }
+        }),
         gallery => gallery(content),
         datasets => overview.datasets.len(),
         compared => compared(summaries),
@@ -225,24 +229,41 @@ fn headlines(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     each.collect()
 }
 
+/// The cells of a row of one model, with their columns.
+fn cells_of<'o>(
+    overview: &'o Overview<'_>,
+    row: usize,
+    model: Model,
+) -> impl Iterator<Item = (usize, &'o Cell<'o>)> {
+    let cells = overview.rows[row].cells.iter().enumerate();
+    let cells = cells.filter_map(|(column, cell)| Some((column, cell.as_ref()?)));
+    cells.filter(move |(_, cell)| cell.summary.model == model)
+}
+
+/// The rows that lead on the most datasets.
+fn winners_of(overview: &Overview<'_>, model: Model) -> Vec<usize> {
+    let wins = |row: usize| {
+        let cells = cells_of(overview, row, model);
+        cells.filter(|(_, cell)| cell.rank == Some(1)).count()
+    };
+    let wins: Vec<usize> = (0..overview.rows.len()).map(wins).collect();
+    let most = wins.iter().copied().max().unwrap_or(0).max(1);
+    (0..wins.len()).filter(|&row| wins[row] == most).collect()
+}
+
 /// The rows that lead on the most datasets; on how many of these the lead is shared, and on how many it is certain.
 fn headline(content: &Content, overview: &Overview<'_>, model: Model, of: &str) -> Option<Value> {
-    let cells = |i: usize| {
-        let cells = overview.rows[i].cells.iter().enumerate();
-        let cells = cells.filter_map(|(column, cell)| Some((column, cell.as_ref()?)));
-        cells.filter(move |(_, cell)| cell.summary.model == model)
-    };
+    let cells = |i: usize| cells_of(overview, i, model);
     let rivals = || (0..overview.rows.len()).filter(|&i| cells(i).next().is_some());
-    let wins = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1)).count();
-    let most = rivals().map(wins).max().filter(|&n| n > 0)?;
-    let winners: Vec<usize> = rivals().filter(|&i| wins(i) == most).collect();
+    let winners = winners_of(overview, model);
+    let first = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1));
+    let most = first(*winners.first()?).count();
     let labels: Vec<&str> = (winners.iter().map(|&i| &*overview.rows[i].label)).collect();
     let names = if winners.len() > MAX_WINNERS {
         format!("{} of {}", winners.len(), rivals().count())
     } else {
         together(&labels)
     };
-    let first = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1));
     let won: BTreeSet<usize> = (winners.iter())
         .flat_map(|&i| first(i).map(|(column, _)| column))
         .collect();
@@ -309,20 +330,22 @@ fn legend(overview: &Overview<'_>) -> Vec<Value> {
 }
 
 /// If there are more curves than can be told apart: the estimators whose curves can be shown alone, and the one
-/// that the page shows first.
+/// that the page shows first, which is that of the headline.
 fn presets(overview: &Overview<'_>) -> Option<Value> {
     if overview.subject != Subject::Both {
         return None;
     }
-    let estimators: BTreeSet<&str> = overview.rows.iter().map(|row| row.estimator).collect();
-    let reference = estimators.iter().find(|id| **id == REFERENCE);
-    let first = reference.or(estimators.first());
+    let mut winners = [Model::Pose, Model::Homography].into_iter();
+    let first = winners.find_map(|model| winners_of(overview, model).first().copied());
     let opening = first
         .filter(|_| overview.rows.len() > MAX_CURVES)
-        .map(|id| (*id).to_owned());
-    Some(
-        context! { estimators => estimators.iter().map(|id| Value::from(*id)).collect::<Vec<_>>(), opening },
-    )
+        .map(|row| overview.rows[row].estimator);
+    let estimators: Vec<Value> = overview
+        .estimators
+        .iter()
+        .map(|id| Value::from(*id))
+        .collect();
+    Some(context! { estimators, opening })
 }
 
 fn curves(overview: &Overview<'_>) -> Vec<Value> {
@@ -349,7 +372,7 @@ fn gallery(content: &Content) -> Vec<Value> {
                 name => &dataset.name,
                 portion => dataset.portion.name(),
                 frames => dataset.frames,
-                pairs => dataset.pairs,
+                pairs => dataset.pairs_of(content.scored_pairs(&dataset.name)),
                 size => dataset.size(),
                 origin => &dataset.origin,
                 property => &dataset.property,

@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use minijinja::{Value, context};
 
 use crate::counted::counted;
-use crate::metrics::{Model, PairGeometry, ResultSet};
-use crate::protocols::of_estimator;
+use crate::metrics::{Model, PairGeometry, PairResult, ResultSet};
+use crate::protocols::{Protocol, of_estimator};
 
 use super::super::content::Content;
 use super::super::file_names::file_names;
@@ -63,15 +63,15 @@ pub(in super::super) fn pair_pages(
 }
 
 /// The numbers of matches, in sentences.
-fn counts(model: Model, tally: &Tally, drawn: usize) -> String {
+fn counts(model: Model, tally: &Tally, drawn: usize, is_estimated: bool) -> String {
     let all = counted(tally.matches, "match");
     if tally.matches == 0 {
         return format!("Drawn: {all}.");
     }
-    let mut text = format!(
-        "Drawn: {drawn} of {all}. The estimate agrees with {} of them.",
-        tally.agree
-    );
+    let mut text = format!("Drawn: {drawn} of {all}.");
+    if is_estimated {
+        let _ = write!(text, " The estimate agrees with {} of them.", tally.agree);
+    }
     if let Some(counts) = tally.by_distance {
         let truth = match model {
             Model::Pose => "epipolar line",
@@ -122,11 +122,17 @@ fn panel(content: &Content, view: &PairView) -> Value {
     });
     let label = method(&view.matcher, &view.estimator);
     let protocol = of_estimator(&view.estimator);
-    picture(&label, result.map(|pair| sentence(pair, protocol)), view)
+    picture(&label, result.map(|pair| (pair, protocol)), view)
 }
 
-/// The images of a pair with the matches of one matcher over them.
-pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Value {
+/// The images of a pair with the matches of one matcher over them, and its result there if that is known.
+pub(super) fn picture(
+    label: &str,
+    result: Option<(&PairResult, &Protocol)>,
+    view: &PairView,
+) -> Value {
+    let words = result.map(|(pair, protocol)| sentence(pair, protocol));
+    let is_estimated = result.is_none_or(|(pair, _)| pair.outcome.is_ok());
     let total: usize = view.images.iter().map(|image| image.original.0).sum();
     let images: Vec<Value> = ([view.frames.0, view.frames.1].iter().zip(&view.images))
         .map(|(frame, image)| {
@@ -140,7 +146,7 @@ pub(super) fn picture(label: &str, words: Option<String>, view: &PairView) -> Va
         words,
         images,
         drawing => Value::from_safe_string(drawing),
-        counts => counts(view.model, &view.tally, view.matches.len().min(MAX_MATCHES)),
+        counts => counts(view.model, &view.tally, view.matches.len().min(MAX_MATCHES), is_estimated),
         warp => warp(view),
     }
 }
@@ -157,7 +163,7 @@ mod tests {
             agree: 430,
         };
         assert_eq!(
-            counts(Model::Pose, &tally, 120),
+            counts(Model::Pose, &tally, 120, true),
             "Drawn: 120 of 443 matches. The estimate agrees with 430 of them. The distance from the true epipolar \
              line is below 1 px for 440, 3 to 10 px for 2 and 10 px and more for 1 of them."
         );
@@ -165,9 +171,11 @@ mod tests {
             by_distance: None,
             ..tally
         };
-        assert!(!counts(Model::Pose, &unknown, 120).contains("distance"));
+        assert!(!counts(Model::Pose, &unknown, 120, true).contains("distance"));
+        let failed = counts(Model::Pose, &unknown, 120, false);
+        assert_eq!(failed, "Drawn: 120 of 443 matches.");
         assert_eq!(
-            counts(Model::Homography, &Tally::default(), 0),
+            counts(Model::Homography, &Tally::default(), 0, true),
             "Drawn: 0 matches."
         );
     }

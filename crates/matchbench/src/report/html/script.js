@@ -349,7 +349,7 @@
         make("div", { className: "pages" }, beside(-1, "Previous pair"), beside(1, "Next pair"), close),
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
         make("p", { textContent: words }),
-        ...(picture ? drawing(picture) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: `This page has no picture of it${m.show ? "; the command below draws one" : ""}.` })]),
+        ...(picture ? drawing(picture, failed) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: `This page has no picture of it${m.show ? "; the command below draws one" : ""}.` })]),
         ...(d.methods.length > 1 ? [rivals(d, i)] : []),
         ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "Pictures of all on this pair" }))] : []),
         make("p", { className: "quiet" }, ...(m.show ? [d.repetition[i] ? "From the shell, as it was the first time: " : "From the shell: ", make("code", {
@@ -362,7 +362,7 @@
       view.scrollIntoView({ block: "nearest" });
     };
 
-    function* drawing(picture) {
+    function* drawing(picture, failed) {
       const frame = make("div", { className: "picture" });
       const [a, b] = picture.sizes;
       const images = picture.images.map((index, side) => {
@@ -375,8 +375,10 @@
       frame.insertAdjacentHTML("beforeend", picture.drawing);
       yield frame;
       const switches = [
-        ["agrees", `${picture.agree} agree with the estimate (solid)`],
-        ["differs", `${picture.matches - picture.agree} do not (dashed)`],
+        ...(failed ? [] : [
+          ["agrees", `${picture.agree} agree with the estimate (solid)`],
+          ["differs", `${picture.matches - picture.agree} do not (dashed)`],
+        ]),
         ["epipolar", "epipolar lines, or the frame of the first image: true white, estimated yellow"],
       ];
       const boxes = switches.map(([part, text]) => {

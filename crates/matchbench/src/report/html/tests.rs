@@ -1,6 +1,6 @@
 //! What stands on the page, and where it stands.
 
-use super::super::tests::{content, homographies, homography_results};
+use super::super::tests::{content, homographies, homography_results, results};
 use super::super::{DatasetFacts, RunFacts};
 use super::*;
 use crate::metrics::{Portion, Quartiles, SCORES};
@@ -82,6 +82,53 @@ fn what_is_compared_is_counted_and_named() {
 }
 
 #[test]
+fn many_curves_open_with_the_estimator_of_the_headline_and_all_have_one_order() {
+    let matchers = ["sift", "orb", "akaze", "brisk", "kaze"];
+    let mut sets = Vec::new();
+    for (matcher, row) in matchers.into_iter().zip(0..) {
+        // Of the plan: the estimator of the paper is neither first nor best.
+        for (estimator, more) in [("usac-e", 1), ("best", 5), ("ransac-e", 3)] {
+            let mut set = results("room", matcher, more + row % 2);
+            set.estimator = estimator.into();
+            sets.push(set);
+        }
+    }
+    let content = Content::new(sets, RunFacts::default());
+    let page = render(&content);
+    assert!(page.contains("data-estimator=\"best\" data-opening>"));
+    let overview = Overview::new(&content.summaries);
+    assert_eq!(overview.estimators, ["usac-e", "best", "ransac-e"]);
+    let rows: Vec<&str> = overview.rows.iter().map(|row| row.estimator).collect();
+    assert_eq!(rows[..4], ["usac-e", "best", "ransac-e", "usac-e"]);
+    let buttons = ["usac-e", "best", "ransac-e"].map(|id| page.find(&format!(">with {id}<")));
+    assert!(buttons[0].is_some() && buttons.is_sorted(), "{buttons:?}");
+}
+
+#[test]
+fn figures_side_by_side_have_one_axis() {
+    let mut content = content(&[("room", "sift", 9), ("hall", "sift", 1)]);
+    let known = crate::metrics::PairGeometry {
+        baseline: Some(0.5),
+        view_angle: Some(10.0),
+        overlap: 0.8,
+        is_measured: false,
+    };
+    for name in ["room", "hall"] {
+        let pairs = (0..10).map(|a| ((a, a + 1), known));
+        content.geometry.insert(name.into(), pairs.collect());
+    }
+    let page = render(&content);
+    for chart in ["chart sp", "chart strata"] {
+        let class = format!("class=\"{chart}\"");
+        let figures = page.split(&class).skip(1);
+        for figure in figures.filter_map(|rest| rest.split("</svg>").next()) {
+            assert!(figure.contains(">1.0</text>"), "{figure}");
+        }
+        assert!(page.matches(chart).count() >= 2);
+    }
+}
+
+#[test]
 fn matchers_with_the_same_features_share_their_detection() {
     let mut content = content(&[("room", "gms", 4), ("room", "gms-s", 2)]);
     let spread = Quartiles {
@@ -120,6 +167,13 @@ fn times_are_shown_where_there_are_any() {
     let page = render(&content);
     assert!(page.contains("id=\"times\"") && page.contains("21.3"));
     assert!(page.contains("quartiles: 10.0 to 50.0") && !page.contains("chart scatter"));
+    let of_pair = "<em>pair</em> is the time of two images";
+    assert!(page.contains(of_pair) && page.contains(">Pair</th>"));
+    let mut several = content.clone();
+    several.summaries.push(several.summaries[0].clone());
+    several.summaries[1].estimator = "best".into();
+    let several = render(&several);
+    assert!(!several.contains(of_pair) && !several.contains(">Pair</th>"));
     content.summaries[0].stages.extract = Some(spread);
     assert!(render(&content).contains("chart scatter"));
 }

@@ -7,7 +7,7 @@ use crate::metrics::{Quartiles, Summary};
 use super::super::content::Content;
 use super::super::figures::{seconds_for_a_pair, stages_of};
 use super::super::numbers::{milliseconds, whole};
-use super::super::overview::{Overview, REFERENCE};
+use super::super::overview::Overview;
 
 /// One table for each dataset: one row per matcher, with medians and then quartiles. Estimators share all
 /// stages except their own.
@@ -16,17 +16,15 @@ pub(super) fn times(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
         let here: Vec<&Summary> = (content.summaries.iter())
             .filter(|s| s.dataset == dataset && stages_of(content, s).is_timed())
             .collect();
-        let mut estimators: Vec<&str> = Vec::new();
+        let timed_by = |estimator: &&&str| here.iter().any(|s| s.estimator == **estimator);
+        let estimators: Vec<&str> =
+            (overview.estimators.iter().filter(timed_by).copied()).collect();
         let mut matchers: Vec<&Summary> = Vec::new();
         for &s in &here {
-            if !estimators.contains(&&*s.estimator) {
-                estimators.push(&s.estimator);
-            }
             if !matchers.iter().any(|other| other.matcher == s.matcher) {
                 matchers.push(s);
             }
         }
-        estimators.sort_by_key(|id| *id != REFERENCE);
         let rows: Vec<Value> = (matchers.iter())
             .map(|first| {
                 let own = |estimator: &&str| {

@@ -20,6 +20,8 @@ pub(in super::super) struct Axes {
     pub(in super::super) unit: &'static str,
     /// The quantity whose share is shown.
     pub(in super::super) y: &'static str,
+    /// The largest share of all figures that stand beside this one, and so have the same axis.
+    pub(in super::super) most: f64,
 }
 
 /// The curve of a matcher.
@@ -55,7 +57,7 @@ pub(in super::super) fn sp_curves(
     let plot = (PLOT.0, PLOT.1.max(legend.height));
     let height = top + plot.1 + BOTTOM;
     let max = (curves.iter()).fold(0.0_f64, |max, curve| max.max(curve.values[last - 1]));
-    let (step, end) = axis(max);
+    let (step, end) = axis(max.max(axes.most));
     let x = |k: usize| LEFT + plot.0 * (k - 1) as f64 / (last - 1) as f64;
     let y = |share: f64| top + plot.1 * (1.0 - share / end);
 
@@ -141,6 +143,7 @@ mod tests {
         x: "error",
         unit: "°",
         y: "share",
+        most: 0.0,
     };
 
     fn curve(series: usize, name: &str, value: f64) -> Curve<'_> {
@@ -165,6 +168,17 @@ mod tests {
             assert_eq!(svg.matches("</g>").count(), 2);
         }
         assert!(draw(Target::Page).contains("stroke-dasharray"));
+    }
+
+    #[test]
+    fn the_axis_reaches_the_largest_share_of_all_figures() {
+        let curves = [curve(0, "sift", 0.19)];
+        let (own, all) = (AXES, Axes { most: 0.9, ..AXES });
+        let top = |axes| {
+            let svg = sp_curves(Target::Page, "room", axes, &curves);
+            svg.contains(">1.0</text>")
+        };
+        assert!(!top(&own) && top(&all));
     }
 
     #[test]

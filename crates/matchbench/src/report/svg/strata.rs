@@ -12,24 +12,21 @@ const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 42.0;
 
 /// One figure with one line per `(number of the matcher in the report, name, value per range)`;
-/// `ranges` are the labels below. The lines come in the order of the legend.
+/// `ranges` are the labels below. The lines come in the order of the legend. `most` is the largest value of all figures
+/// that stand beside this one, and so have the same axis.
 pub(in super::super) fn strata_curves(
     target: Target,
     title: &str,
     (what, ranges): (&str, &[String]),
     lines: &[(usize, &str, Vec<Option<f64>>)],
+    most: f64,
 ) -> String {
     let names = lines.iter().map(|(_, name, _)| *name);
     let legend = Legend::beside(target, LEFT + PLOT.0, names);
     let top = if target == Target::File { 34.0 } else { 8.0 };
     let plot = (PLOT.0, PLOT.1.max(legend.height));
     let size = (LEFT + plot.0 + RIGHT + legend.width, top + plot.1 + BOTTOM);
-    let values = || {
-        lines
-            .iter()
-            .flat_map(|(_, _, values)| values.iter().flatten())
-    };
-    let (step, end) = axis(values().fold(0.0_f64, |max, &value| max.max(value)));
+    let (step, end) = axis(most);
     let x = |range: usize| LEFT + plot.0 * (range as f64 + 0.5) / ranges.len().max(1) as f64;
     let y = |value: f64| top + plot.1 * (1.0 - value / end);
 
@@ -79,10 +76,10 @@ mod tests {
             (0, "sift", vec![Some(0.5), None]),
             (3, "orb", vec![None, None]),
         ];
-        let svg = strata_curves(Target::Page, "room", ("baseline", &ranges), &lines);
+        let svg = strata_curves(Target::Page, "room", ("baseline", &ranges), &lines, 0.5);
         assert_eq!(svg.matches("<circle").count(), 1);
         assert!(svg.contains("sift; &lt;1: 0.500; 1 to 2: –"), "{svg}");
         assert!(!svg.contains("NaN"));
-        assert!(!strata_curves(Target::File, "room", ("", &[]), &[]).contains("NaN"));
+        assert!(!strata_curves(Target::File, "room", ("", &[]), &[], 0.0).contains("NaN"));
     }
 }
