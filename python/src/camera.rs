@@ -43,8 +43,9 @@ impl Origin {
 }
 
 /// A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens distortion (k1, k2,
-/// p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's module of this name). `origin` says where the origin of (cx, cy) is: at the centre of the first pixel
-/// ("center": OpenCV, and everywhere here) or at its corner ("corner": COLMAP).
+/// p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's module of this name). `origin`
+/// says where the origin of (cx, cy) is: at the centre of the first pixel ("center": OpenCV, and everywhere here) or at
+/// its corner ("corner": COLMAP).
 #[pyclass(frozen, eq, from_py_object, module = "matchbench")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Camera {
