@@ -474,7 +474,8 @@ fn errors_that_are_stated_a_little_too_small_gain_nothing() {
     let board = json_of(&folder.join("site/leaderboard.json"));
     let rows = list(&board["groups"][0]["rows"]);
     let scores = |row: &Value| {
-        ["exact_auc_5", "exact_auc_20"].map(|id| row["scores"][id].as_f64().expect("a number"))
+        let value = |id: &str| row["scores"][id]["value"].as_f64().expect("a number");
+        ["exact_auc_5", "exact_auc_20"].map(value)
     };
     let [honest, praised] = [scores(&rows[0]), scores(&rows[1])];
     for (honest, praised) in honest.iter().zip(praised) {

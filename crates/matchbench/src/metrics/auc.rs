@@ -11,9 +11,8 @@
 //! The latter two are sign-agnostic: a translation and its opposite count as the same. Failed and
 //! missing pairs count in the denominator here too. A table should say which one it shows.
 
-use super::intervals::Ratio;
 use super::success::gain_of_corners;
-use super::{Interval, Model, PairResult, Term};
+use super::{Model, PairResult, Term};
 
 /// Area under recall over pose error, from 0 to `limit` degrees, divided by `limit`.
 ///
@@ -55,16 +54,34 @@ fn auc_of(errors: impl Iterator<Item = Option<f64>> + Clone, limit: f64) -> f64 
     area / (limit * pairs)
 }
 
-/// The interval of [`corner_auc`]. It has the standard error of the mean of what pairs gain, which is nearly the same
-/// score.
-pub(super) fn corner_auc_interval(pairs: &[PairResult], limit: f64) -> Option<Interval> {
-    let homographies = pairs.iter().filter(|pair| pair.model == Model::Homography);
-    let mean = Ratio::of(homographies.map(|pair| Term {
+/// What a pair adds to the mean that is nearly [`corner_auc`], and so has its standard error: the two differ by the
+/// trapezoids alone, at most by 1 / (2 n) for n pairs.
+pub(super) fn corner_auc_term(pair: &PairResult, limit: f64) -> Term {
+    Term {
         images: (pair.a, pair.b),
         numerator: gain_of_corners(pair, limit),
-        denominator: 1.0,
-    }))?;
-    mean.interval_of_share(corner_auc(pairs, limit))
+        denominator: f64::from(u8::from(pair.model == Model::Homography)),
+    }
+}
+
+/// The same of [`exact_auc`].
+pub(super) fn exact_auc_term(pair: &PairResult, limit: f64) -> Term {
+    let below = (pair.sign_agnostic_error()).map_or(0.0, |error| 1.0 - error / limit);
+    term_of_poses(pair, below.max(0.0))
+}
+
+/// What a pair adds to [`maa`], which is a mean.
+pub(super) fn maa_term(pair: &PairResult, limit: u32) -> Term {
+    term_of_poses(pair, passed(pair, limit) as f64 / f64::from(limit))
+}
+
+fn term_of_poses(pair: &PairResult, share: f64) -> Term {
+    let is_pose = f64::from(u8::from(pair.model == Model::Pose));
+    Term {
+        images: (pair.a, pair.b),
+        numerator: is_pose * share,
+        denominator: is_pose,
+    }
 }
 
 /// Mean over k = 1, 2, ..., `limit` of the share of pairs with a pose error below k degrees.
@@ -73,21 +90,25 @@ pub(super) fn corner_auc_interval(pairs: &[PairResult], limit: f64) -> Option<In
 /// exactly `limit` degrees still counts in it. NaN where there are no pairs.
 pub fn maa(pairs: &[PairResult], limit: u32) -> f64 {
     let poses = || pairs.iter().filter(|pair| pair.model == Model::Pose);
-    let below: usize = poses()
-        .filter_map(PairResult::sign_agnostic_error)
-        .map(|error| {
-            let passed = (1..=limit).filter(|&k| error < f64::from(k)).count();
-            passed + usize::from(error == f64::from(limit))
-        })
-        .sum();
+    let below: usize = poses().map(|pair| passed(pair, limit)).sum();
     below as f64 / (f64::from(limit) * poses().count() as f64)
+}
+
+/// The number of the challenge's thresholds that a pair passes.
+fn passed(pair: &PairResult, limit: u32) -> usize {
+    pair.sign_agnostic_error().map_or(0, |error| {
+        let passed = (1..=limit).filter(|&k| error < f64::from(k)).count();
+        passed + usize::from(error == f64::from(limit))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::pair_result::tests::solved;
-    use super::super::{Failure, PairResult};
+    use super::super::score_kind::mean_of_terms;
+    use super::super::{Failure, PairResult, Scores};
     use super::*;
+    use matchbench_vision::seed::Seed;
 
     fn pairs() -> [PairResult; 4] {
         [
@@ -122,6 +143,53 @@ mod tests {
         // The last bin is closed.
         assert_eq!(maa(&[solved(0, 10.0, 0.0, 30)], 10), 0.1);
         assert_eq!(maa(&[solved(0, 10.1, 0.0, 30)], 10), 0.0);
+    }
+
+    #[test]
+    fn the_terms_of_pairs_make_the_score() {
+        let pairs = pairs();
+        let of_maa = mean_of_terms(&pairs, |pair| maa_term(pair, 10));
+        assert!((of_maa - maa(&pairs, 10)).abs() < 1e-15);
+        // Errors 1, 3 and 7 of four pairs: 4/5 + 2/5, and 9/10 + 7/10 + 3/10.
+        for (limit, mean) in [(5.0, 1.2 / 4.0), (10.0, 1.9 / 4.0)] {
+            let of_exact = mean_of_terms(&pairs, |pair| exact_auc_term(pair, limit));
+            assert!((of_exact - mean).abs() < 1e-15);
+            assert!((of_exact - exact_auc(&pairs, limit)).abs() <= 1.0 / 8.0);
+        }
+    }
+
+    #[test]
+    fn intervals_of_what_others_call_auc_hold_the_true_score_in_19_of_20_cases() {
+        // Errors are 5 exp(v) degrees, v normal with variance 0.75: a quarter of each image and one of the pair. Then the
+        // exact AUC at 5 degrees is 1 / 2 - exp(0.375) P(-s), with s^2 = 0.75 and P the normal distribution; mAA is the
+        // mean of P(log(k / 5) / s) over k = 1 ... 10.
+        let truths = [("exact_auc_5", 0.218_840), ("maa_10", 0.483_304)];
+        let mut rng = Seed(31).rng();
+        let (images, cases) = (16, 400);
+        let mut held = [0; 2];
+        for _ in 0..cases {
+            let effects: Vec<f64> = (0..images).map(|_| rng.normal()).collect();
+            let pairs: Vec<PairResult> = (0..images)
+                .flat_map(|a| (a + 1..images).map(move |b| (a, b)))
+                .map(|(a, b)| {
+                    let v = 0.5 * (effects[a] + effects[b] + rng.normal());
+                    PairResult {
+                        a: a as u32,
+                        b: b as u32,
+                        ..solved(0, 5.0 * libm::exp(v), 0.0, 30)
+                    }
+                })
+                .collect();
+            let scores = Scores::new(&pairs);
+            for (held, (id, truth)) in held.iter_mut().zip(truths) {
+                let interval = scores.get(id).interval.expect("images enough");
+                *held += usize::from((interval.low..interval.high).contains(&truth));
+            }
+        }
+        assert!(
+            held.iter().all(|held| (364..=392).contains(held)),
+            "{held:?} of {cases}"
+        );
     }
 
     #[test]

@@ -42,7 +42,6 @@ mod summary;
 mod times;
 mod unfinished;
 
-use auc::corner_auc_interval;
 pub use auc::{corner_auc, exact_auc, maa};
 pub use average_matches::average_matches;
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads};

@@ -41,8 +41,8 @@ pub enum Spread {
     Unknown,
     /// The score is a ratio of sums over pairs, and this is what one pair adds.
     Terms(fn(&PairResult) -> Term),
-    /// The score is the AUC of the corner error up to so many pixels.
-    Corners(u32),
+    /// The score is nearly a ratio of sums over pairs, whose standard error it has; this is what one pair adds.
+    Nearly(fn(&PairResult) -> Term),
 }
 
 impl ScoreKind {

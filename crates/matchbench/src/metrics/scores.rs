@@ -8,16 +8,14 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use super::auc::{corner_auc_term, exact_auc_term, maa_term};
 use super::average_matches::{average_matches, is_right};
 use super::depth_scores;
 use super::intervals::Ratio;
 use super::pair_result::FOUND_PX;
 use super::score_kind::{Detail, Notation, ScoreKind, Spread, Subject, mean_of_terms, share_term};
 use super::success::{HEADLINE_PX, share_of_thresholds};
-use super::{
-    Angle, Interval, Model, PairResult, SuccessCurve, Term, corner_auc, corner_auc_interval,
-    exact_auc, maa,
-};
+use super::{Angle, Interval, Model, PairResult, SuccessCurve, Term, corner_auc, exact_auc, maa};
 
 /// The threshold at which the paper shows AP, in degrees.
 pub(super) const AP_THRESHOLD: f64 = 5.0;
@@ -90,7 +88,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 5°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 5.0)),
-        spread: Spread::Unknown,
+        spread: Spread::Nearly(|pair| exact_auc_term(pair, 5.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -100,7 +98,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 10°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 10.0)),
-        spread: Spread::Unknown,
+        spread: Spread::Nearly(|pair| exact_auc_term(pair, 10.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -110,7 +108,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 20°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 20.0)),
-        spread: Spread::Unknown,
+        spread: Spread::Nearly(|pair| exact_auc_term(pair, 20.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -121,7 +119,7 @@ pub const SCORES: &[ScoreKind] = &[
         definition: "Mean share of pairs with a pose error below 1, 2, ... 10 degrees, as in the Image \
                      Matching Challenge; a translation and its opposite count as the same.",
         value: |pairs| Some(maa(pairs, 10)),
-        spread: Spread::Unknown,
+        spread: Spread::Terms(|pair| maa_term(pair, 10)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -174,7 +172,7 @@ const fn corners<const PX: u32>(id: &'static str, heading: &'static str) -> Scor
         heading,
         definition: CORNER_AUC,
         value: |pairs| Some(corner_auc(pairs, f64::from(PX))),
-        spread: Spread::Corners(PX),
+        spread: Spread::Nearly(|pair| corner_auc_term(pair, f64::from(PX))),
         notation: Notation::Ratio,
         detail: Detail::Glance,
     }
@@ -255,7 +253,7 @@ impl Scores {
         let score = |kind: &ScoreKind| {
             let value = (kind.value)(pairs).filter(|value| value.is_finite());
             // Of what is not known nothing is certain.
-            let interval = value.and_then(|_| match kind.spread {
+            let interval = value.and_then(|value| match kind.spread {
                 Spread::Unknown => None,
                 Spread::Terms(term) => {
                     let ratio = Ratio::of(pairs.iter().map(term))?;
@@ -264,7 +262,7 @@ impl Scores {
                         Notation::Count => ratio.interval_of_count(),
                     }
                 }
-                Spread::Corners(limit) => corner_auc_interval(pairs, limit.into()),
+                Spread::Nearly(term) => Ratio::of(pairs.iter().map(term))?.interval_of_share(value),
             });
             Score { value, interval }
         };

@@ -18,10 +18,10 @@ mod tests {
     #[test]
     fn undefined_is_null() {
         let mut summary = summary("room", "sift", 0);
-        summary.scores.get_mut("maa_10").value = None;
+        summary.scores.get_mut("sp10").value = None;
         let value: serde_json::Value =
             serde_json::from_str(&render(&[summary])).expect("it was just written");
-        assert!(value[0]["maa_10"].is_null() && value[0]["ap5"]["value"].is_null());
+        assert!(value[0]["sp10"].is_null() && value[0]["ap5"]["value"].is_null());
         assert_eq!(value[0]["sp"].as_array().map(Vec::len), Some(15));
         assert_eq!(value[0]["failures"]["no_support"], 10);
     }
