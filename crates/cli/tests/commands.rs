@@ -478,6 +478,14 @@ fn eval_says_who_is_best_and_how_certainly() {
         told_of_few.contains("nothing is certain with 5 images that are in several pairs, or pairs that share no image"),
         "{told_of_few}"
     );
+    let eval = |format: &str| run(&["eval", &out, "--format", format, "--intervals"]);
+    let table = text(&eval("latex").stdout);
+    assert!(table.contains("SIFT}") && table.contains(" [0."), "{table}");
+    let refused = text(&eval("csv").stderr);
+    assert!(
+        refused.contains("csv and json have intervals without it"),
+        "{refused}"
+    );
     let last = told.lines().last().expect("what to do next");
     assert_eq!(last, format!("Next: matchbench report {out}"));
     let report = run(&["report", &out, "--threads", "1"]);

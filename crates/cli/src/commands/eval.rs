@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
@@ -13,7 +13,8 @@ use matchbench::metrics::{
 use matchbench::protocols;
 use matchbench::records::{Plan, RunFolder};
 use matchbench::report::{
-    Content, Format, RunFacts, render, render_protocols, render_with_mean, verdicts,
+    Content, Format, RunFacts, render, render_protocols, render_with_intervals, render_with_mean,
+    verdicts,
 };
 
 use crate::Ending;
@@ -25,7 +26,11 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         _ if !args.protocol.is_empty() => by_protocols(args)?,
         (Some(errors), _) => {
             let content = content(load_errors(errors)?);
-            render_with_mean(args.format.into(), &content.summaries)
+            if args.intervals {
+                with_intervals(args, &content)?
+            } else {
+                render_with_mean(args.format.into(), &content.summaries)
+            }
         }
         (None, Some(results)) => {
             let choice = choice(&args.scored)?;
@@ -34,6 +39,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             warn_of_ignored(results, &sets, &choice);
             warn_of_doubts(results, &sets)?;
             match args.format {
+                _ if args.intervals => with_intervals(args, &content(sets))?,
                 FormatArg::Table => {
                     let mut text = table(sets);
                     if RunFolder::is_at(results) {
@@ -52,6 +58,13 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         None => std::io::stdout().write_all(harmless(&text).as_bytes())?,
     }
     Ok(Ending::Done)
+}
+
+/// The table with an interval behind each AUC.
+fn with_intervals(args: &EvalArgs, content: &Content) -> Result<String> {
+    render_with_intervals(args.format.into(), &content.summaries).context(
+        "--intervals is for --format latex and markdown; csv and json have intervals without it",
+    )
 }
 
 /// The scores by evaluation protocols.

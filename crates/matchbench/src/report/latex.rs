@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Portion, Summary};
+use crate::metrics::{Portion, Score, Summary};
 
 use super::names;
 use super::numbers::ratio;
@@ -12,6 +12,11 @@ use super::overview::{Cell, Overview, Subject};
 
 /// The table, after a comment that names the package it needs.
 pub(super) fn render(summaries: &[Summary]) -> String {
+    render_with(summaries, |_| String::new())
+}
+
+/// The same, with what `behind` says of a score behind its value.
+pub(super) fn render_with(summaries: &[Summary], behind: fn(&Score) -> String) -> String {
     let overview = Overview::new(summaries).in_the_papers_order();
     let mut text = format!(
         "% AUC: {}. Best three of each dataset in red, green and blue;\n\
@@ -49,6 +54,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         for cell in &row.cells {
             text.push_str(" & ");
             text.push_str(&auc(cell.as_ref()));
+            text.extend(cell.iter().map(|cell| behind(&cell.auc)));
         }
         text.push_str(" \\\\\n\\hline\n");
     }

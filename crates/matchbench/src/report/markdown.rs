@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_scores};
+use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, Score, ScoreKind, Summary, shown_scores};
 
 use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
@@ -10,6 +10,11 @@ use super::words::{definitions, protocol_notes};
 
 /// Two tables, each with a line of explanation.
 pub(super) fn render(summaries: &[Summary]) -> String {
+    render_with(summaries, |_| String::new())
+}
+
+/// The same, with what `behind` says of a score behind its value in the first.
+pub(super) fn render_with(summaries: &[Summary], behind: fn(&Score) -> String) -> String {
     if summaries.is_empty() {
         return "No results.\n".to_owned();
     }
@@ -22,7 +27,10 @@ pub(super) fn render(summaries: &[Summary]) -> String {
     );
     rule(&mut text, 1, overview.datasets.len());
     for row in &overview.rows {
-        let cells = row.cells.iter().map(|cell| auc(cell.as_ref()));
+        let cells = row.cells.iter().map(|cell| {
+            let more = cell.as_ref().map(|cell| behind(&cell.auc));
+            auc(cell.as_ref()) + &more.unwrap_or_default()
+        });
         line(&mut text, std::iter::once(escape(&row.label)).chain(cells));
     }
     let bases = (overview.datasets.iter().enumerate())

@@ -5,6 +5,13 @@ use crate::metrics::{Interval, Notation, Score};
 /// Shown if there is no number.
 pub(super) const NONE: &str = "–";
 
+/// The interval of a share behind its value: ` [0.386, 0.528]`; empty if there is none.
+pub(super) fn bracketed(score: &Score) -> String {
+    (score.interval).map_or_else(String::new, |Interval { low, high }| {
+        format!(" [{}, {}]", ratio(low), ratio(high))
+    })
+}
+
 /// A ratio to three decimals.
 pub(super) fn ratio(value: impl Into<Option<f64>>) -> String {
     decimals(value, 3)
