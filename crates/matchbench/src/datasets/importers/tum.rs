@@ -163,8 +163,8 @@ mod tests {
     fn calibrations_are_those_that_the_authors_publish() {
         let numbers = |name: &str| {
             let camera = calibration(name).expect("it is one of theirs");
-            let lens =
-                (camera.distortion).map(|lens| [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]);
+            let lens = camera.distortion.and_then(|lens| lens.brown());
+            let lens = lens.map(|lens| [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3]);
             ([camera.fx, camera.fy, camera.cx, camera.cy], lens)
         };
         let first = [0.2624, -0.9531, -0.0054, 0.0026, 1.1633];

@@ -91,6 +91,8 @@ pub(in crate::datasets::importers) fn camera(
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::geometry::Distortion;
+
     use super::*;
 
     #[test]
@@ -137,6 +139,7 @@ mod tests {
             "SIMPLE_RADIAL",
             "RADIAL",
             "OPENCV",
+            "OPENCV_FISHEYE",
             "FULL_OPENCV",
         ];
         assert_eq!(read, expected);
@@ -151,6 +154,6 @@ mod tests {
             k2: -0.2,
             ..Distortion::default()
         };
-        assert_eq!(found.distortion, Some(expected));
+        assert_eq!(found.distortion, Some(expected.into()));
     }
 }
