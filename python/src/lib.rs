@@ -54,13 +54,11 @@ mod native {
     #[pymodule_export]
     use crate::scores::{evaluate, report};
 
-    #[pymodule_export]
-    const VERSION: &str = env!("CARGO_PKG_VERSION");
-
     /// Applies the limits from the environment as the program does, and remembers the process.
     #[pymodule_init]
-    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::detached::remember();
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         matchbench_cli::environment()
             .map_err(|error| crate::errors::value_error(format!("{error:#}")))
     }

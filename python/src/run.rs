@@ -155,7 +155,7 @@ const REASONS: usize = 5;
 /// How many tasks of the run in the folder `out` failed, and the most frequent reasons.
 fn reasons(out: &Path, summary: &RunSummary) -> Vec<String> {
     let failed = format!(
-        "{} of {} failed and count as wrong",
+        "{} of {} failed, counted as wrong",
         summary.failed,
         counted(summary.total, "task")
     );

@@ -146,6 +146,20 @@ def test_other_code_is_another_version():
     assert len(set(versions)) == len(versions) and all(version.startswith("code ") for version in versions)
     assert version_of(Staged(3)) == version_of(Staged(4).match.__self__)
     assert version_of(functools.partial(one, 1)) != version_of(functools.partial(one, 2))
+    seen = []
+    counting = one(0.5, words=seen)
+    before = version_of(counting)
+    seen.append(1)
+    assert version_of(counting) == before, "what a matcher remembers is not its code"
+    calls = 0
+
+    def counted(a, b):
+        nonlocal calls
+        calls += 1
+
+    before = version_of(counted)
+    counted(1, 2)
+    assert calls == 1 and version_of(counted) == before
     stated = one(0.5)
     stated.version = 2
     assert version_of(stated) == "2"
@@ -191,7 +205,7 @@ def test_evaluate_warns_of_a_run_that_is_not_finished(dataset, tmp_path):
     (records,) = (run.path / "records").rglob("*.jsonl")
     lines = records.read_text().splitlines(keepends=True)
     records.write_text("".join(lines[:-1]))
-    with pytest.warns(UserWarning, match="1 of"):
+    with pytest.warns(UserWarning, match="2 of 3 planned tasks"):
         mb.evaluate(run)
 
 

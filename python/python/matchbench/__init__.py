@@ -35,7 +35,6 @@ from ._features import (
     ShearedSURF,
 )
 from ._matchers import Matcher, matcher
-from ._native import VERSION as __version__
 from ._native import (
     Camera,
     Dataset,
@@ -46,6 +45,7 @@ from ._native import (
     Matches,
     NoModel,
     PoseEstimate,
+    __version__,
     pair_seed,
     read_gray,
 )

@@ -365,5 +365,5 @@ def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[s
 def report(
     folder: _Path, out: _Path | None, bundle: _Path | None, pictures: int
 ) -> tuple[os.PathLike[str], list[str]]: ...
-VERSION: str
+__version__: str
 def command_line(arguments: Sequence[str]) -> int: ...

@@ -1,10 +1,11 @@
 """The version of a matcher written in Python that states none: a digest of its code.
 
 A run is refused if it was begun with other code, as with another version of a program. The digest has the bytecode,
-constants, defaults and simple values in closures of a function, or of all methods of a class. It does not see what is
-called elsewhere, nor weights: whoever changes these states a `version`.
+constants, defaults and closures of a function, or of all methods of a class, as far as they are numbers, text, tuples
+and functions. It does not see what is called elsewhere, nor weights: whoever changes these states a `version`.
 """
 
+import dis
 import functools
 import hashlib
 import types
@@ -38,29 +39,41 @@ def _feed(digest: Any, value: Any, seen: set[int]) -> None:
 
 
 def _parts(value: Any) -> list[Any]:
-    """What a value is made of, in an order that does not depend on the process; nothing if that is not known."""
+    """What a value is made of, in an order that does not depend on the process. Nothing of what may change while the
+    program runs (lists, dictionaries, objects), or is not known."""
+    parts: Any = value
     match value:
         case types.CodeType():
-            return [value.co_code, *value.co_names, *value.co_varnames, *value.co_consts]
+            return [parts.co_code, *parts.co_names, *parts.co_varnames, *parts.co_consts]
         case types.FunctionType():
-            return [value.__code__, value.__defaults__, value.__kwdefaults__, *map(_content, value.__closure__ or ())]
+            return [parts.__code__, parts.__defaults__, *_items(parts.__kwdefaults__), *_closure(parts)]
         case types.MethodType() | staticmethod() | classmethod():
-            return [value.__func__]
+            return [parts.__func__]
         case property():
-            return [value.fget, value.fset, value.fdel]
+            return [parts.fget, parts.fset, parts.fdel]
         case functools.partial():
-            return [value.func, value.args, value.keywords]
+            return [parts.func, parts.args, *_items(parts.keywords)]
         case type():
-            classes = [each for each in value.__mro__ if each is not object]
-            return [part for each in classes for _, part in sorted(vars(each).items(), key=lambda item: item[0])]
-        case tuple() | list():
-            return list(value)
-        case set() | frozenset():
-            return sorted(map(repr, value))
-        case dict():
-            return [part for key, item in sorted(value.items(), key=lambda item: repr(item[0])) for part in (key, item)]
+            return [part for each in parts.__mro__ if each is not object for part in _items(vars(each))]
+        case tuple():
+            return list(parts)
+        case frozenset():
+            return sorted(map(repr, parts))
         case _:
             return []
+
+
+def _items(values: Any) -> list[Any]:
+    """Names and values, by name."""
+    names: list[str] = sorted(values or ())
+    return [part for name in names for part in (name, values[name])]
+
+
+def _closure(function: Any) -> list[Any]:
+    """The values that a function has from where it was defined, but for those that it changes, as a count of its calls."""
+    changed = {step.argval for step in dis.get_instructions(function) if step.opname == "STORE_DEREF"}
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return [_content(cell) for name, cell in cells if name not in changed]
 
 
 def _content(cell: types.CellType) -> Any:
