@@ -1,7 +1,7 @@
 //! Which method is best on a dataset, and whether that is significant, in one sentence. All pairwise
 //! comparisons are in the report.
 
-use crate::metrics::{Difference, Lead};
+use crate::metrics::{Difference, Lead, MIN_IMAGES};
 
 use super::words::{method, rounds, together, units};
 
@@ -25,7 +25,11 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
     doubtful.retain(|lead| !lead.difference.is_certain);
     let too_few = (doubtful.iter().map(|lead| lead.difference))
         .find(Difference::has_few_images)
-        .map(|difference| format!("nothing is certain with {}", units(difference.images)));
+        .map(|difference| {
+            let (least, found) = (units(MIN_IMAGES), difference.images);
+            let are = if found == 1 { "is" } else { "are" };
+            format!("nothing is certain below {least}; there {are} {found}")
+        });
     let lead = |lead: &Lead| lead.difference.value.unwrap_or(f64::INFINITY);
     doubtful.sort_by(|one, other| lead(one).total_cmp(&lead(other)));
     let is_certain = doubtful.is_empty();
@@ -150,10 +154,10 @@ mod tests {
         assert_eq!(
             [verdicts(&[few]), verdicts(&[fewest])].concat(),
             [
-                "office: sift + best has the highest AUC; nothing is certain with 3 images that are in several pairs, \
-                 or pairs that share no image",
-                "office: sift + best has the highest AUC; nothing is certain with 1 image that is in several pairs, \
-                 or pair that shares no image",
+                "office: sift + best has the highest AUC; nothing is certain below 6 images that are in several pairs, \
+                 or pairs that share no image; there are 3",
+                "office: sift + best has the highest AUC; nothing is certain below 6 images that are in several pairs, \
+                 or pairs that share no image; there is 1",
             ]
         );
     }
