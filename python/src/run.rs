@@ -162,13 +162,7 @@ fn reasons(out: &Path, summary: &RunSummary) -> Vec<String> {
     // The run is done; that its reasons cannot be read takes nothing from it.
     let broken = RunFolder::open(out).ok().and_then(|run| run.broken().ok());
     let reasons = broken.unwrap_or_default().into_iter().take(REASONS);
-    let reasons = reasons.map(|broken| {
-        let tasks = counted(broken.tasks, "task");
-        format!(
-            "{tasks} of {} on {}: {}",
-            broken.matcher, broken.dataset, broken.reason
-        )
-    });
+    let reasons = reasons.map(|broken| broken.to_string());
     iter::once(failed).chain(reasons).collect()
 }
 

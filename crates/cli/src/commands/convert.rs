@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::Result;
 use matchbench::counted::counted;
-use matchbench::datasets::{Sequence, export};
+use matchbench::datasets::{EXPORTS, Sequence, export};
 
 use crate::Ending;
 use crate::args::ConvertArgs;
@@ -13,6 +13,8 @@ use crate::output::{stdout, typed};
 pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
     let sequence = Sequence::open(&args.dataset)?;
     let root = export(&args.format, &sequence, &args.out)?;
+    let layout = EXPORTS.iter().find(|layout| layout.id == args.format);
+    let pairs = layout.and_then(|layout| layout.pairs);
     writeln!(
         stdout(),
         "{}: {}, {}; image names start from {}\nTo import it again: matchbench import {} {} NAME --image-root {}{}",
@@ -23,10 +25,10 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
         args.format,
         typed(&args.out),
         typed(&root),
-        match &*args.format {
-            "colmap" => format!(" --pairs list:{}", typed(&args.out.join("pairs.txt"))),
-            _ => String::new(),
-        }
+        pairs.map_or_else(String::new, |file| format!(
+            " --pairs list:{}",
+            typed(&args.out.join(file))
+        ))
     )?;
     Ok(Ending::Done)
 }

@@ -9,7 +9,7 @@ use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::matchers;
-use matchbench::records::{BrokenTasks, RunFolder};
+use matchbench::records::RunFolder;
 use matchbench::run::{Cancel, Dataset, Run, RunSummary};
 use matchbench::study::{News, Prepared, Study};
 
@@ -120,30 +120,16 @@ const REASON_LETTERS: usize = 300;
 /// Prints the most frequent reasons why tasks of the run in this folder broke.
 pub(super) fn tell_reasons(folder: &Path) {
     // How the run ended is known without them.
-    let Some(broken) = RunFolder::open(folder)
+    let broken = RunFolder::open(folder)
         .ok()
-        .and_then(|run| run.broken().ok())
-    else {
-        return;
-    };
-    for BrokenTasks {
-        dataset,
-        matcher,
-        reason,
-        tasks,
-    } in broken.iter().take(REASONS)
-    {
-        let reason: String = reason.chars().take(REASON_LETTERS).collect();
-        say!(
-            "  {} of {matcher} on {dataset}: {reason}",
-            counted(*tasks, "task")
-        );
+        .and_then(|run| run.broken().ok());
+    let mut broken = broken.unwrap_or_default();
+    let others = broken.split_off(REASONS.min(broken.len())).len();
+    for mut broken in broken {
+        broken.reason = broken.reason.chars().take(REASON_LETTERS).collect();
+        say!("  {broken}");
     }
-    if let Some(others) = broken
-        .len()
-        .checked_sub(REASONS)
-        .filter(|others| *others > 0)
-    {
+    if others > 0 {
         say!(
             "  and {} (\"kind\":\"failed\" in records)",
             counted(others, "other reason")

@@ -78,7 +78,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// What the row says, judged by the `truth`. A pose with fewer than `min_support` support does not count: that
+    /// What the row says, judged by the `truth`. A pose whose support is below `min_support` does not count: that
     /// is [`MIN_SUPPORT`](super::MIN_SUPPORT), or what the protocol asks for under which the pose was estimated.
     pub fn outcome(&self, truth: &Isometry3<f64>, min_support: usize) -> Outcome {
         match self.b_from_a {
@@ -219,7 +219,7 @@ fn parse(number_of_line: usize, line: &str) -> Result<Row, String> {
         line: number_of_line,
         a: number(a, "the index of a frame")?,
         b: number(b, "the index of a frame")?,
-        support: number(support, "a number of support")?,
+        support: number(support, "a number of matches")?,
         b_from_a: relative_pose(&rows)?,
     })
 }
@@ -397,7 +397,7 @@ mod tests {
                 rows[1].outcome(&truth(), MIN_SUPPORT),
                 Outcome::NoPose { .. }
             ),
-            "9 support are too few"
+            "a support of 9 is too little"
         );
     }
 
@@ -413,7 +413,7 @@ mod tests {
                 ..
             } = rows[0].outcome(&truth, MIN_SUPPORT)
             else {
-                panic!("a pose with twelve support")
+                panic!("a pose with a support of twelve")
             };
             assert_eq!(
                 (translation, translation_error),
@@ -435,7 +435,7 @@ mod tests {
             ),
             (
                 "0 1 x 1 0 0 1 0 1 0 0 0 0 1 0",
-                "`x` is not a number of support",
+                "`x` is not a number of matches",
             ),
             ("0 1 12 1 0 0 nan 0 1 0 0 0 0 1 0", "`nan` is not finite"),
             ("0 1 12 1 0 0 1 0 2 0 0 0 0 1 0", "not a rotation"),

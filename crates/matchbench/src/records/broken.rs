@@ -2,8 +2,10 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::{Outcome, RunFolder, StoreError};
+use crate::counted::counted;
 
 /// Different reasons that are counted; what matchers from outside say may be another sentence for each pair.
 const MAX_REASONS: usize = 1000;
@@ -19,6 +21,20 @@ pub struct BrokenTasks {
     pub reason: String,
     /// How many tasks broke so.
     pub tasks: usize,
+}
+
+/// `3 tasks of orb on castle: out of memory`.
+impl fmt::Display for BrokenTasks {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            dataset,
+            matcher,
+            reason,
+            tasks,
+        } = self;
+        let tasks = counted(*tasks, "task");
+        write!(f, "{tasks} of {matcher} on {dataset}: {reason}")
+    }
 }
 
 impl RunFolder {

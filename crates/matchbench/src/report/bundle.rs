@@ -12,7 +12,6 @@ use super::again::Again;
 use super::content::Content;
 use super::html::{Extent, render_extent};
 use super::pair_table::columns;
-use super::unfinished::noted;
 use super::{Format, booktabs, citations, method, pairs_csv, render};
 
 /// Most bytes of the file.
@@ -47,32 +46,15 @@ pub fn bundled(content: &Content) -> io::Result<String> {
 fn bundle(content: &Content, most: usize) -> Option<String> {
     let summaries = &content.summaries;
     let again = Again::of(content);
+    let table = |format| content.noted(format, render(format, summaries));
     let small = || {
         [
-            ("scores.csv", render(Format::Csv, summaries)),
-            (
-                "scores.md",
-                noted(
-                    content.lacking.as_ref(),
-                    Format::Markdown,
-                    render(Format::Markdown, summaries),
-                ),
-            ),
-            (
-                "auc.tex",
-                noted(
-                    content.lacking.as_ref(),
-                    Format::Latex,
-                    render(Format::Latex, summaries),
-                ),
-            ),
+            ("scores.csv", table(Format::Csv)),
+            ("scores.md", table(Format::Markdown)),
+            ("auc.tex", table(Format::Latex)),
             (
                 "auc-booktabs.tex",
-                noted(
-                    content.lacking.as_ref(),
-                    Format::Latex,
-                    booktabs::render(summaries),
-                ),
+                content.noted(Format::Latex, booktabs::render(summaries)),
             ),
             ("method.tex", method::latex(content)),
             ("cite.bib", citations::render(content)),

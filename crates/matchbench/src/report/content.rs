@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::metrics::{DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
 use crate::records::Plan;
 
-use super::{DatasetFacts, Lacking, PairView};
+use super::{DatasetFacts, Format, Lacking, PairView};
 
 /// What a reader should know about the run besides its scores.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -72,6 +72,14 @@ impl Content {
             results,
             facts,
             ..Self::default()
+        }
+    }
+
+    /// A table, with a note above it if the run is not finished.
+    pub(super) fn noted(&self, format: Format, table: String) -> String {
+        match &self.lacking {
+            Some(lacking) => lacking.above(format, table),
+            None => table,
         }
     }
 

@@ -8,7 +8,6 @@ use crate::metrics::Portion;
 use super::Format;
 use super::content::Content;
 use super::latex::escape;
-use super::unfinished::noted;
 
 /// A complete `tabular`, the fragments first. Pairs are those that were scored.
 pub(super) fn latex(content: &Content) -> String {
@@ -44,7 +43,7 @@ pub(super) fn latex(content: &Content) -> String {
         }
     }
     text.push_str("\\end{tabular}\n");
-    noted(content.lacking.as_ref(), Format::Latex, text)
+    content.noted(Format::Latex, text)
 }
 
 #[cfg(test)]

@@ -28,7 +28,6 @@ use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Target;
-use super::unfinished::noted;
 use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
@@ -49,18 +48,11 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         ("scores.md", Format::Markdown),
         ("auc.tex", Format::Latex),
     ] {
-        let table = noted(content.lacking.as_ref(), format, render(format, summaries));
+        let table = content.noted(format, render(format, summaries));
         out.write(&tables.join(name), table.as_bytes())?;
     }
-    out.write(
-        &tables.join("auc-booktabs.tex"),
-        noted(
-            content.lacking.as_ref(),
-            Format::Latex,
-            booktabs::render(summaries),
-        )
-        .as_bytes(),
-    )?;
+    let table = content.noted(Format::Latex, booktabs::render(summaries));
+    out.write(&tables.join("auc-booktabs.tex"), table.as_bytes())?;
     let cite = Path::new("cite");
     for (name, text) in [
         ("method.md", method::markdown(content)),

@@ -51,25 +51,22 @@ impl Lacking {
             self.what.sentences.join("; ")
         )
     }
+
+    /// The table of a report with a note above it.
+    pub(super) fn above(&self, format: Format, table: String) -> String {
+        let text = self.sentences();
+        match format {
+            Format::Latex => format!("% {}.\n{table}", comment(&text)),
+            Format::Markdown => format!("> {}.\n\n{table}", escape(&text)),
+            Format::Table | Format::Csv | Format::Json => table,
+        }
+    }
 }
 
 fn goes_on(plan: &Plan, folder: &str) -> Option<String> {
     let datasets: Vec<_> = plan.datasets.iter().collect();
     let line = command_line::whole(plan, &datasets, &command_line::folder(folder))?;
     Some(line.to_string())
-}
-
-/// A table of a report, with a note above it if the run is not finished.
-pub(super) fn noted(lacking: Option<&Lacking>, format: Format, table: String) -> String {
-    let Some(lacking) = lacking else {
-        return table;
-    };
-    let text = lacking.sentences();
-    match format {
-        Format::Latex => format!("% {}.\n{table}", comment(&text)),
-        Format::Markdown => format!("> {}.\n\n{table}", escape(&text)),
-        Format::Table | Format::Csv | Format::Json => table,
-    }
 }
 
 #[cfg(test)]
@@ -107,8 +104,7 @@ mod tests {
             (Format::Latex, "% This run"),
             (Format::Markdown, "> This run"),
         ] {
-            let table =
-                |content: &Content| noted(content.lacking.as_ref(), format, "table\n".into());
+            let table = |content: &Content| content.noted(format, "table\n".into());
             assert!(table(&stopped).starts_with(begin) && table(&stopped).ends_with("table\n"));
             assert_eq!(table(&finished), "table\n");
         }

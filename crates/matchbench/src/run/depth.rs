@@ -246,10 +246,10 @@ impl View<'_> {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::features::{Descriptors, FloatRows, Keypoint};
     use matchbench_vision::geometry::Distortion;
     use matchbench_vision::image::{Image, Size};
 
+    use super::super::testing::features;
     use super::*;
     use crate::datasets::DepthUnit;
 
@@ -347,20 +347,6 @@ mod tests {
             let pair = PairDepth::new(depths, cameras, &Isometry3::identity());
             assert_eq!(pair.overlap, Some(0.25));
         }
-    }
-
-    /// Features at these places of an image of this size.
-    fn features(size: Size, places: &[(f32, f32)]) -> Features {
-        let keypoint = |&(x, y): &(f32, f32)| Keypoint {
-            at: Point2::new(x, y),
-            size: 1.0,
-            angle: None,
-            response: 1.0,
-            octave: 0,
-        };
-        let rows = FloatRows::from_vec(1, vec![0.0; places.len()]);
-        let keypoints = places.iter().map(keypoint).collect();
-        Features::new(size, keypoints, Descriptors::Float(rows))
     }
 
     #[test]

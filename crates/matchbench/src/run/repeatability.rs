@@ -130,23 +130,13 @@ fn cell(place: &Point2<f64>) -> (u64, u64) {
 
 #[cfg(test)]
 mod tests {
-    use matchbench_vision::features::{Descriptors, FloatRows, Keypoint};
     use proptest::prelude::*;
 
+    use super::super::testing;
     use super::*;
 
     fn features(places: &[(f32, f32)]) -> Features {
-        let keypoint = |&(x, y): &(f32, f32)| Keypoint {
-            at: Point2::new(x, y),
-            size: 1.0,
-            angle: None,
-            response: 1.0,
-            octave: 0,
-        };
-        let keypoints: Vec<Keypoint> = places.iter().map(keypoint).collect();
-        let descriptors = FloatRows::from_vec(1, vec![0.0; keypoints.len()]);
-        let descriptors = Descriptors::Float(descriptors);
-        Features::new(Size::new(100, 80), keypoints, descriptors)
+        testing::features(Size::new(100, 80), places)
     }
 
     #[test]

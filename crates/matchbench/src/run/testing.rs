@@ -34,6 +34,20 @@ pub(super) fn decode(file: &[u8]) -> Result<GrayImage, String> {
     Ok(GrayImage::from_vec(size, file.to_vec()))
 }
 
+/// Features at these places of an image of this size.
+pub(super) fn features(size: Size, places: &[(f32, f32)]) -> Features {
+    let keypoint = |&(x, y): &(f32, f32)| Keypoint {
+        at: Point2::new(x, y),
+        size: 1.0,
+        angle: None,
+        response: 1.0,
+        octave: 0,
+    };
+    let keypoints = places.iter().map(keypoint).collect();
+    let rows = FloatRows::from_vec(1, vec![0.0; places.len()]);
+    Features::new(size, keypoints, Descriptors::Float(rows))
+}
+
 /// A dataset of so many frames, the pairs (0, 1), (0, 2), (1, 2), (1, 3) ..., in a `folder`.
 pub(super) fn dataset(folder: &Path, name: &str, frames: u32) -> Dataset {
     let images = folder.join(name);

@@ -1,7 +1,7 @@
 //! A COLMAP model as text: a camera for every frame (equal cameras are written once), cam_from_world for every
 //! frame that has a pose, no keypoints and no points. COLMAP has the origin at the corner of the image, so half
 //! a pixel is added. The camera model is PINHOLE, or OPENCV if there is lens distortion, or FULL_OPENCV if that
-//! has k3.
+//! has k3, or OPENCV_FISHEYE of a fisheye.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -15,6 +15,9 @@ use super::{cannot_say, names, stored_camera};
 use crate::datasets::write::write_folder;
 use crate::datasets::{DatasetError, Sequence};
 use crate::files::write_unnamed;
+
+/// The list of pairs beside the model, by names.
+pub(super) const PAIRS: &str = "pairs.txt";
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -73,7 +76,7 @@ pub(super) fn write(sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetE
         ("cameras.txt", &*camera_text),
         ("images.txt", &image_text),
         ("points3D.txt", "# no points\n"),
-        ("pairs.txt", &pair_text),
+        (PAIRS, &pair_text),
     ];
     write_folder(out, |folder| {
         files.iter().try_for_each(|(name, text)| {

@@ -19,6 +19,8 @@ pub struct Export {
     pub id: &'static str,
     /// What is written, in one line.
     pub help: &'static str,
+    /// The file in the folder that lists the pairs, where an import must be given it (`--pairs list:FILE`).
+    pub pairs: Option<&'static str>,
     write: fn(&Sequence, &Path) -> Result<PathBuf, DatasetError>,
 }
 
@@ -28,11 +30,13 @@ pub const EXPORTS: &[Export] = &[
         id: "colmap",
         help: "a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt, for \
                COLMAP's matches importer",
+        pairs: Some(colmap::PAIRS),
         write: colmap::write,
     },
     Export {
         id: "superglue",
         help: "a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1",
+        pairs: None,
         write: superglue::write,
     },
 ];
