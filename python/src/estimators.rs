@@ -26,12 +26,9 @@ pub(crate) struct Estimator {
 }
 
 impl Estimator {
-    /// Builds the same estimator again, to be owned by a run.
-    ///
-    /// # Errors
-    /// None that the first build did not have.
-    pub(crate) fn rebuild(&self) -> PyResult<BuiltEstimator> {
-        build(&self.built.id, &self.built.params)
+    /// The estimator, with its name and parameters.
+    pub(crate) fn built(&self) -> &BuiltEstimator {
+        &self.built
     }
 
     /// Checks that `turns`, if they are given, are used.

@@ -25,6 +25,8 @@ mod pickled;
 mod progress;
 mod run;
 mod scores;
+mod show;
+mod study;
 
 /// For the arrays of Rust; those of numpy have huge pages already.
 #[global_allocator]
@@ -53,6 +55,8 @@ mod native {
     use crate::run::{command_line, pair_seed, run};
     #[pymodule_export]
     use crate::scores::{evaluate, report};
+    #[pymodule_export]
+    use crate::show::show;
 
     /// Applies the limits from the environment as the program does, and remembers the process.
     #[pymodule_init]

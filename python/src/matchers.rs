@@ -32,12 +32,9 @@ pub(crate) struct Matcher {
 }
 
 impl Matcher {
-    /// Builds the same matcher again, to be owned by a run.
-    ///
-    /// # Errors
-    /// None that the first build did not have.
-    pub(crate) fn rebuild(&self) -> PyResult<BuiltMatcher> {
-        build(&self.built.id, &self.built.params)
+    /// The matcher, with its name and parameters.
+    pub(crate) fn built(&self) -> &BuiltMatcher {
+        &self.built
     }
 }
 

@@ -9,77 +9,43 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use matchbench::cache::FeatureCache;
 use matchbench::config::Changes;
 use matchbench::counted::counted;
-use matchbench::estimators::{self, BuiltEstimator};
 use matchbench::external;
-use matchbench::records::{KeepMatches, RunFolder, Settings};
-use matchbench::run::{Cancel, Contender, Outside, Run, RunSummary, pair_seed as seed_of_pair};
+use matchbench::records::{KeepMatches, RunFolder};
+use matchbench::run::{Cancel, Run, RunSummary, pair_seed as seed_of_pair};
+use matchbench::study::Study;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-use crate::callable::PythonMatcher;
 use crate::datasets::Dataset;
 use crate::errors::{error, value_error};
-use crate::estimators::Estimator;
 use crate::integers::whole;
-use crate::matchers::Matcher;
 use crate::progress::Progress;
+use crate::study::{AnyEstimator, AnyMatcher, add_estimators, add_matchers, prepare};
 
 /// How often the thread of the caller checks for Ctrl-C.
 const TICK: Duration = Duration::from_millis(50);
-
-/// A matcher of a run.
-#[derive(FromPyObject)]
-pub(crate) enum AnyMatcher<'py> {
-    /// A name, or the path of a manifest.
-    Name(String),
-    /// A matcher of the library.
-    Native(Bound<'py, Matcher>),
-    /// Written in Python: name, version, parameters as JSON, `match`, `extract`, whether images are in colour.
-    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>, bool),
-}
-
-/// An estimator of a run.
-#[derive(FromPyObject)]
-pub(crate) enum AnyEstimator<'py> {
-    /// A name.
-    Name(String),
-    /// An estimator with parameters.
-    Built(Bound<'py, Estimator>),
-}
-
-impl AnyEstimator<'_> {
-    fn build(&self, changes: &Changes) -> PyResult<BuiltEstimator> {
-        match self {
-            Self::Built(estimator) => estimator.get().rebuild(),
-            Self::Name(id) => {
-                let entry = estimators::find(id).map_err(value_error)?;
-                entry.build(changes.of(id)).map_err(value_error)
-            }
-        }
-    }
-}
 
 /// Numbers of tasks: in total, done before, done now, and failed.
 type Tasks = (usize, usize, usize, usize);
 
 /// Runs everything that is not yet recorded in the folder `out`. Returns the numbers of tasks (in the plan,
-/// recorded before, recorded now, failed), and warnings: matchers that could not be started or gave up, and why tasks
-/// failed.
+/// recorded before, recorded now, failed), and warnings: what looks wrong in the datasets or in matches from files,
+/// matchers that could not be started or gave up, and why tasks failed.
 #[pyfunction]
-#[pyo3(signature = (datasets, matchers, estimators, out, settings, seed, repeat, limit, sample, time_budget_ms,
-                    keep_matches, retry_failed, cache, threads, progress))]
+#[pyo3(signature = (datasets, matchers, estimators, protocols, out, settings, seed, repeat, limit, sample,
+                    time_budget_ms, keep_matches, retry_failed, cache, threads, progress))]
 pub(crate) fn run(
     py: Python<'_>,
     datasets: Vec<Bound<'_, Dataset>>,
     matchers: Vec<AnyMatcher<'_>>,
     estimators: Vec<AnyEstimator<'_>>,
+    protocols: Vec<String>,
     out: PathBuf,
     settings: Vec<String>,
     #[pyo3(from_py_with = whole)] seed: u64,
-    #[pyo3(from_py_with = whole)] repeat: NonZeroU32,
+    #[pyo3(from_py_with = whole)] repeat: Option<NonZeroU32>,
     #[pyo3(from_py_with = whole)] limit: Option<NonZeroUsize>,
     #[pyo3(from_py_with = whole)] sample: Option<NonZeroUsize>,
     #[pyo3(from_py_with = whole)] time_budget_ms: Option<NonZeroU32>,
@@ -90,33 +56,16 @@ pub(crate) fn run(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Tasks, Vec<String>)> {
     let cancel = Cancel::default();
-    let cache = FeatureCache::new(cache.unwrap_or_else(|| RunFolder::default_cache_at(&out)));
-    let outside = Outside {
-        logs: &out.join("logs"),
-        cache: &cache,
-    };
-    let changes = Changes::parse(&settings).map_err(value_error)?;
-    let (contenders, mut absent) =
-        contenders(py, matchers, &estimators, &changes, &outside, &cancel)?;
-    if contenders.is_empty() {
-        return Err(error(format!(
-            "no matcher could be started: {}",
-            absent.join("; ")
-        )));
-    }
-    let datasets: Vec<_> = datasets
-        .iter()
-        .map(|dataset| dataset.get().inner.clone())
-        .collect();
-    let run = Run {
-        settings: Settings {
-            seed,
-            repetitions: repeat,
-            limit: limit.map(NonZeroUsize::get),
-            sample: sample.map(NonZeroUsize::get),
-            time_budget_ms,
-        },
-        cache: cache.clone(),
+    let mut study = Study {
+        out: Some(out.clone()),
+        protocols,
+        seed,
+        repeat,
+        limit,
+        sample,
+        time_budget: time_budget_ms,
+        set: Changes::parse(&settings).map_err(value_error)?,
+        cache,
         keep_matches: match keep_matches {
             "all" => KeepMatches::All,
             "inliers" => KeepMatches::Inliers,
@@ -127,13 +76,17 @@ pub(crate) fn run(
             }
         },
         retry_failed,
-        ..Run::new(&datasets, &contenders, &out)
+        ..Study::default()
     };
+    let sources = add_matchers(&mut study, matchers, &cancel)?;
+    add_estimators(&mut study, &estimators)?;
+    let (prepared, mut warnings) = prepare(py, &study, &datasets, sources)?;
     let observer = Progress::default();
+    let run = prepared.run();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
-    absent.extend(observer.state().ended);
+    warnings.extend(observer.state().ended);
     if summary.failed > 0 {
-        absent.extend(reasons(&out, &summary));
+        warnings.extend(reasons(&out, &summary));
     }
     let RunSummary {
         total,
@@ -146,7 +99,7 @@ pub(crate) fn run(
         let message = "a matcher stopped the run; the same call goes on from there";
         return Err(PyRuntimeError::new_err(message));
     }
-    Ok(((total, before, now, failed), absent))
+    Ok(((total, before, now, failed), warnings))
 }
 
 /// Reasons of failures that are told.
@@ -164,59 +117,6 @@ fn reasons(out: &Path, summary: &RunSummary) -> Vec<String> {
     let reasons = broken.unwrap_or_default().into_iter().take(REASONS);
     let reasons = reasons.map(|broken| broken.to_string());
     iter::once(failed).chain(reasons).collect()
-}
-
-/// The contenders: first those given by name, then those written in Python, then those given as objects, each
-/// kind in its order. Also returns why others could not be started.
-fn contenders(
-    py: Python<'_>,
-    matchers: Vec<AnyMatcher<'_>>,
-    estimators: &[AnyEstimator<'_>],
-    changes: &Changes,
-    outside: &Outside<'_>,
-    cancel: &Cancel,
-) -> PyResult<(Vec<Contender>, Vec<String>)> {
-    let (mut names, mut sources, mut natives) = (Vec::new(), Vec::new(), Vec::new());
-    for matcher in matchers {
-        match matcher {
-            AnyMatcher::Name(name) => names.push(name),
-            AnyMatcher::Native(matcher) => natives.push(matcher.get().rebuild()?),
-            AnyMatcher::Python(name, version, params, matching, extract, color) => {
-                let matcher = PythonMatcher {
-                    name,
-                    version,
-                    params,
-                    matching,
-                    extract,
-                    color,
-                };
-                sources.push(matcher.into_source(cancel)?);
-            }
-        }
-    }
-    let ids: Vec<String> = (estimators.iter())
-        .map(|estimator| match estimator {
-            AnyEstimator::Name(id) => id.clone(),
-            AnyEstimator::Built(estimator) => estimator.get().id().to_owned(),
-        })
-        .collect();
-    let (mut contenders, absent) = py
-        .detach(|| Contender::from_names(&names, sources, &ids, &[], changes, Some(outside)))
-        .map_err(value_error)?;
-    for matcher in natives {
-        let entry = matchbench::matchers::find(&matcher.id).map_err(value_error)?;
-        let own = AnyEstimator::Name(entry.estimator().into()).build(changes)?;
-        contenders.push(Contender::new(matcher, [own]));
-    }
-    if !estimators.is_empty() {
-        for contender in &mut contenders {
-            let built = estimators.iter().map(|estimator| estimator.build(changes));
-            contender.estimators = built
-                .map(|built| Ok(built?.into()))
-                .collect::<PyResult<_>>()?;
-        }
-    }
-    Ok((contenders, absent.iter().map(ToString::to_string).collect()))
 }
 
 /// Executes the run in its own threads. The first Ctrl-C stops it after the pairs that are being matched, and

@@ -15,7 +15,7 @@ import warnings
 import matchbench as mb
 import numpy as np
 import pytest
-from conftest import stored_matches
+from conftest import command, stored_matches
 from matchbench._versions import version_of
 
 
@@ -73,7 +73,7 @@ def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
     entry = next(matcher for matcher in plan["matchers"] if matcher["id"] == "staged-sift")
     assert entry["version"] == "1.2" and entry["params"] == {"ratio": 0.7}
     scores = mb.evaluate(run)
-    assert scores["matcher"] == ["sift", "by_orb", "staged-sift", "orb"]
+    assert scores["matcher"] == ["sift", "orb", "by_orb", "staged-sift"]
     assert scores["auc"].shape == (4,) and scores["auc"].max() > 0
     assert np.isnan(scores["auc_low"]).all()  # three pairs are too few for an interval
     assert "by_orb" in str(scores) and "<table>" in scores._repr_html_()
@@ -112,7 +112,7 @@ def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_p
         return by_orb(a, b)
 
     mended.__name__ = "one"
-    with pytest.raises(mb.Error, match="code of the matcher was changed"):
+    with pytest.raises(mb.Error, match="the code of the matcher `one` was another, `code "):
         mb.run(dataset, [mended], ["best"], out=tmp_path / "0", limit=1, progress=False)
     plan = json.loads((tmp_path / "0" / "plan.json").read_text())
     mended.version = plan["matchers"][0]["version"]  # the other results stay as they are
@@ -165,18 +165,29 @@ def test_other_code_is_another_version():
     assert version_of(stated) == "2"
 
 
-def test_a_version_does_not_depend_on_the_process():
+def test_a_version_does_not_depend_on_the_process_or_the_line():
     code = """
 from matchbench._versions import version_of
 def matcher(a, b, names=frozenset(("x", "y", "z"))):
     return a if b in {"one", "two", "three"} else sorted(names)
-print(version_of(matcher))
+class Matcher:
+    ratio = RATIO
+    def extract(self, image):
+        return image
+    def match(self, a, b):
+        return a, b
+print(version_of(matcher), version_of(Matcher()))
 """
-    def printed(seed):
+    def printed(seed, code):
         environment = os.environ | {"PYTHONHASHSEED": seed}
         return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True).stdout
 
-    assert printed("1") == printed("2")
+    code, other = code.replace("RATIO", "0.8"), code.replace("RATIO", "0.7")
+    moved = code.replace("class Matcher:", '\n\nclass Matcher:\n    """What it is."""\n')
+    versions = printed("1", code)
+    assert versions == printed("2", code) == printed("1", moved)
+    assert versions.split() != printed("1", other).split()
+    assert versions.count(b"of Python %d.%d" % sys.version_info[:2]) == 2
 
 
 def test_a_matcher_may_see_colours(tmp_path):
@@ -324,6 +335,86 @@ def test_one_is_a_list_of_one(dataset, tmp_path):
         plan("wrong", "sfit")
 
 
+def without_times(folder):
+    """The plan of a run, and its records by file."""
+    kept = {"plan": json.loads((folder / "plan.json").read_text())}
+    for path in folder.glob("records/*/*.jsonl"):
+        records = [json.loads(line) for line in path.read_text().splitlines()]
+        for record in records:
+            record.pop("times"), record.pop("check")  # of the line, times and all
+        kept[path.name] = records
+    return kept
+
+
+def test_protocols_are_those_of_the_command_line(dataset, tmp_path):
+    run = mb.run(dataset, ["orb"], out=tmp_path / "python", protocols=["superglue", "roma"], progress=False)
+    options = ("--matchers", "orb", "--protocol", "superglue,roma", "--out", tmp_path / "command")
+    assert command("run", dataset.path, *options).returncode == 0
+    found = without_times(run.path)
+    assert found == without_times(tmp_path / "command") and len(found) == 3
+    # RoMa's protocol repeats; a number that is given wins.
+    repeats = found["plan"]["settings"]["repetitions"]
+    assert repeats > 1
+    once = mb.run(dataset, "orb", out=tmp_path / "once", protocols="roma", repeat=1, progress=False)
+    assert once.total == 3 and run.total == 2 * 3 * repeats
+    # One protocol alone says how large images are, unless the matcher does.
+    asked = mb.matcher("orb", extractor={"max_size": 200})
+    run = mb.run(dataset, [asked], out=tmp_path / "asked", protocols="roma", repeat=1, progress=False)
+    sizes = [without_times(each.path)["plan"]["matchers"][0]["params"]["extractor"] for each in (once, run)]
+    assert "max_size" not in sizes[0] or sizes[0]["max_size"] != 200
+    assert sizes[1]["max_size"] == 200
+    with pytest.raises(ValueError, match="did you mean `superglue`"):
+        mb.run(dataset, "orb", out=tmp_path / "wrong", protocols="superglu", progress=False)
+
+
+def test_matches_are_read_from_files(dataset, tmp_path):
+    folder = tmp_path / "matches"
+    folder.mkdir()
+    found = {}
+    for a, b in dataset.pairs[:2]:
+        points_a, points_b, _ = by_orb(dataset.read(a), dataset.read(b))
+        found[int(a), int(b)] = points = np.column_stack([points_a, points_b]).astype(np.float32)
+        stems = [dataset.images[frame].stem for frame in (a, b)]
+        np.savez(
+            folder / f"{stems[0]}_{stems[1]}_matches.npz",
+            keypoints0=points[:, :2],
+            keypoints1=points[:, 2:],
+            matches=np.arange(len(points)),
+            match_confidence=np.ones(len(points), np.float32),
+        )
+    files = mb.MatchesFrom("orb-files", folder, resized=(320, 240), notes={"device": "none"})
+    with pytest.warns(UserWarning, match="orb-files on cabinet: absent: 1 pair"):
+        run = mb.run(dataset, ["sift", files], "best", out=tmp_path / "run", progress=False)
+    assert run.total == 6 and run.failed == 1
+    kept = stored_matches(run.path / "matches" / dataset.name / "orb-files.bin")
+    assert kept.keys() == found.keys()
+    for pair, points in found.items():
+        np.testing.assert_array_equal(kept[pair][:, :4], points)
+    plan = json.loads((run.path / "plan.json").read_text())
+    assert [matcher["id"] for matcher in plan["matchers"]] == ["sift", "orb-files"]
+    # Read for images of half that size, points are twice as far.
+    half = mb.MatchesFrom("half", [folder], format="superglue", resized=(160, 120))
+    with pytest.raises(mb.Error, match="matches of half: .*outside"):
+        mb.run(dataset, half, out=tmp_path / "half", progress=False)
+    for wrong, words in [
+        (mb.MatchesFrom("sift", folder, resized=(320, 240)), "that name is taken"),
+        (mb.MatchesFrom("one", folder, format="superglu"), "superglue"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            mb.run(dataset, wrong, out=tmp_path / "wrong", progress=False)
+    with pytest.raises(mb.Error, match="nowhere"):
+        mb.run(dataset, mb.MatchesFrom("one", tmp_path / "nowhere"), out=tmp_path / "wrong", progress=False)
+
+
+def test_parameters_are_given_in_one_place(dataset, tmp_path):
+    for matcher, estimator, setting in [
+        (mb.matcher("orb"), "best", "orb.ratio=0.7"),
+        ("orb", mb.estimator("best"), "best.threshold_px=2"),
+    ]:
+        with pytest.raises(ValueError, match="give them in one place"):
+            mb.run(dataset, matcher, estimator, out=tmp_path / "run", settings=setting, progress=False)
+
+
 def test_a_manifest_beside_a_name(dataset, tmp_path):
     manifest = tmp_path / "absent.toml"
     manifest.write_text('name = "absent"\nsummary = "a program that is not there"\nreference = ""\ncommand = ["./none"]\n')
@@ -433,8 +524,37 @@ def test_a_pair_is_drawn(dataset, tmp_path):
     assert mb.show(dataset.path, a, b, "sift", "best", keypoints=True).png != picture.png
     with pytest.raises(mb.Error, match="no pair 0 0"):
         mb.show(dataset, 0, 0)
-    with pytest.raises(mb.Error, match="did you mean|sift"):
-        mb.show(dataset, a, b, "shift")
+    with pytest.raises(ValueError, match="did you mean `sift`"):
+        mb.show(dataset, a, b, "sfit")
+    with pytest.raises(ValueError, match="one matcher"):
+        mb.show(dataset, a, b, "all")
+
+
+def test_whatever_runs_is_drawn(dataset, tmp_path):
+    a, b = dataset.pairs[0].tolist()
+    by_name = mb.show(dataset, a, b, "orb", "best", settings=["orb.ratio=0.7", "best.threshold_px=2"])
+    by_object = mb.show(dataset, a, b, mb.matcher("orb", ratio=0.7), mb.estimator("best", threshold_px=2))
+    assert by_object.png == by_name.png
+    points_a, points_b, ambiguity = by_orb(dataset.read(a), dataset.read(b))
+    stems = [dataset.images[frame].stem for frame in (a, b)]
+    np.savez(
+        tmp_path / f"{stems[0]}_{stems[1]}_matches.npz",
+        keypoints0=points_a,
+        keypoints1=points_b,
+        matches=np.arange(len(points_a)),
+        match_confidence=1 - ambiguity,
+    )
+    files = mb.MatchesFrom("files", tmp_path, resized=(320, 240))
+    with pytest.warns(UserWarning, match="absent"):
+        from_files = mb.show(dataset, a, b, files)
+    # Drawn alike but for the caption, which has the name, and the inliers, which follow from it.
+    assert len({by_name.png, from_files.png, mb.show(dataset, a, b, by_orb).png}) == 3
+
+    def broken(image_a, image_b):
+        raise ValueError("out of luck")
+
+    with pytest.raises(mb.Error, match="out of luck"):
+        mb.show(dataset, a, b, broken)
 
 
 def test_a_forked_process_has_threads_of_its_own(dataset, command_line_run):

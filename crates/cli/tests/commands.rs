@@ -322,6 +322,25 @@ fn validate_names_file_and_line_and_remedy() {
 }
 
 #[test]
+fn validate_counts_what_it_says_of_many_files_unless_all_are_asked_for() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 13);
+    let path = wall.display().to_string();
+    for index in 1..13 {
+        let file = wall.join(format!("Images/{index:04}.pgm"));
+        fs::write(file, index.to_string()).expect("writable");
+    }
+    let errors = |arguments: &[&str]| {
+        let out = text(&run(arguments).stdout);
+        let named = (out.lines().filter(|line| line.contains(".pgm: "))).count();
+        assert!(out.contains("12 errors, "), "{out}");
+        (named, out.contains("and 2 more errors of the kind: "))
+    };
+    assert_eq!(errors(&["validate", &path]), (10, true));
+    assert_eq!(errors(&["validate", &path, "--all"]), (12, false));
+}
+
+#[test]
 fn show_draws_a_pair_that_the_dataset_lists() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3).display().to_string();

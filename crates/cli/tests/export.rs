@@ -30,6 +30,48 @@ fn a_matcher_is_exported_on_the_datasets_that_it_was_run_on() {
 }
 
 #[test]
+fn exported_matches_are_drawn_from_their_files() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    succeeds(
+        folder,
+        &["run", "wall", "--matchers", "sift", "--out", "run"],
+    );
+    succeeds(folder, &["export", "run", "out", "--format", "packed"]);
+    let matches = "stored=out/sift/wall";
+    let draw = |how: &[&str]| {
+        let out = ["--estimator", "ransac-e", "--out", "pair.svg"];
+        go(folder, &[&["show", "wall", "0", "1"], how, &out].concat())
+    };
+    let selected = |how: &[&str]| {
+        let done = draw(how);
+        let (said, drawn) = (
+            String::from_utf8_lossy(&done.stdout).into_owned(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        );
+        assert!(done.status.success(), "{drawn}");
+        let (_, count) = said.split_once(" putative and ").expect("it tells them");
+        let count = count.split(' ').next().map(str::to_owned);
+        (count.expect("a number"), said)
+    };
+    let (by_matcher, _) = selected(&["--matcher", "sift"]);
+    let (from_files, said) = selected(&["--matches", matches]);
+    assert_eq!(from_files, by_matcher);
+    assert!(said.contains("wall 0 – 1, stored + ransac-e: "), "{said}");
+    for wrong in [&[][..], &["--matcher", "sift", "--matches", matches]] {
+        assert_eq!(draw(wrong).status.code(), Some(1), "one of the two");
+    }
+    let two = ["--matches", matches, "--matches", "more=out/sift/wall"];
+    let done = draw(&two);
+    assert!(
+        String::from_utf8_lossy(&done.stderr).contains("one matcher"),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+}
+
+#[test]
 fn a_dataset_that_was_moved_is_known_by_its_name_or_its_content() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

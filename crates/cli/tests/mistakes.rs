@@ -267,6 +267,6 @@ fn a_truth_that_confident_poses_contradict_is_warned_of() {
     let records = fs::read_to_string(&file).expect("it is there");
     let turned = records.replace("\"rotation_error\":0", "\"rotation_error\":90");
     fs::write(&file, turned).expect("writable");
-    let words = "contradict it, and which mistake explains that could be told";
+    let words = "contradict it, and to find out which mistake explains that, put the dataset";
     assert!(eval().contains(words), "{}", eval());
 }

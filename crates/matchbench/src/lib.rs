@@ -49,6 +49,7 @@
 //! | [`protocols`] | evaluation protocols of other benchmarks, chosen by name |
 //! | [`metrics`] | success, AUC, average matches, with intervals: pure functions of records |
 //! | [`report`] | tables, figures, the page |
+//! | [`show`] | one pair as a picture |
 //! | [`tune`], [`time`](mod@time) | the best value of a parameter; how long stages take |
 //!
 //! Records are equal bit for bit for any number of threads, apart from the times. Work is done by the rayon pool that
@@ -72,6 +73,7 @@ pub mod protocols;
 pub mod records;
 pub mod report;
 pub mod run;
+pub mod show;
 pub mod study;
 pub mod time;
 pub mod tune;

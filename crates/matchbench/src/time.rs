@@ -196,9 +196,9 @@ fn noise(
     drift.into_iter().chain(stages.into_iter().flatten())
 }
 
-/// How many values are above the median by more than ten times the usual distance from it. The usual distance
-/// is the median of the distances, scaled to a standard deviation (Iglewicz and Hoaglin, 1993); the limit is
-/// that of hyperfine.
+/// How many values, in seconds, are far above the median: those whose modified Z-score (Iglewicz and Hoaglin, 1993),
+/// the distance in standard deviations as the median distance tells them, is above the limit of hyperfine. A median
+/// distance below 0.1 ms counts as that.
 fn outliers(values: &[f64]) -> usize {
     const LIMIT: f64 = 14.826;
     let middle = |values: Vec<f64>| Quartiles::of(values).map_or(0.0, |spread| spread.median);

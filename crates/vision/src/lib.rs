@@ -2,11 +2,13 @@
 //!
 //! Local features (SIFT, RootSIFT, DSP-SIFT, SURF, FAST, ORB, BRISK, KAZE, AKAZE, FREAK, LATCH, DAISY, DLCO, BinBoost,
 //! ASIFT), search for nearest neighbours, selection of matches (ratio test, FGINN, GMS, KVLD, CODE, RepMatch, GAIM,
-//! AdaLAM) and robust two-view geometry (RANSAC and its descendants), each after its paper. Nothing here reads a file, a clock, an
-//! environment variable or a global: the same input gives the same bits on every machine and for any number of
-//! threads. Three things are read that change no
-//! result: which instructions the processor has ([`InstructionSet`]), the size of its second-level cache (how wide the
-//! strips of a scale space are) and the number of threads (how many views are simulated at once).
+//! AdaLAM) and robust two-view geometry (RANSAC and its descendants), each after its paper. The same input gives the same
+//! bits on every machine and for any number of threads. Nothing here reads a file or a clock.
+//!
+//! Four things are read that change no result: which instructions the processor has, the size of its second-level cache
+//! (how wide the strips of a scale space are), the number of threads (how many views are simulated at once), and once
+//! in a process the environment variable `MATCHBENCH_SIMD`, which limits the instructions. With a value that
+//! [`InstructionSet::asked_for`] refuses, the first kernel panics; a program reports that error when it starts.
 //!
 //! ```
 //! use matchbench_vision::features::{Sift, SiftParams};

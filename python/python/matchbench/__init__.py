@@ -35,6 +35,7 @@ from ._features import (
     ShearedSURF,
 )
 from ._matchers import Matcher, matcher
+from ._matches_from import MatchesFrom
 from ._native import (
     Camera,
     Dataset,
@@ -82,6 +83,7 @@ __all__ = [
     "LATCH",
     "Matcher",
     "Matches",
+    "MatchesFrom",
     "NoModel",
     "ORB",
     "ORB_create",

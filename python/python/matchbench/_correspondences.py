@@ -1,6 +1,8 @@
 """Putative matches: pairs of features whose descriptors are close to each other."""
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,35 +10,22 @@ from numpy.typing import NDArray
 from ._native import Features, search
 
 
-class _IndicesAndDistances(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Correspondences:
+    """Putative matches. Unpacks as `indices, distances`."""
+
     indices: NDArray[np.int64]
+    """m x 2: feature of a, feature of b."""
     distances: NDArray[np.float32]
-
-
-class Correspondences(_IndicesAndDistances):
-    """Putative matches. Unpacks as `indices, distances`: m x 2 (feature of a, feature of b), and m distances of
-    descriptors (Euclidean, or the number of differing bits). `second` has the distances to the second nearest
-    neighbour, which selectors and `ambiguity` need."""
-
+    """m: distances of descriptors (Euclidean, or the number of differing bits)."""
     second: NDArray[np.float32]
+    """m: distances to the second nearest neighbour, which selectors and `ambiguity` need; infinite without one."""
 
-    @classmethod
-    def of(
-        cls, indices: NDArray[np.int64], distances: NDArray[np.float32], second: NDArray[np.float32]
-    ) -> "Correspondences":
-        """Makes them from your own arrays. `second` is infinite if there is no second candidate."""
-        made = cls(indices, distances)
-        made.second = second
-        return made
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        return iter((self.indices, self.distances))
 
-    def _replace(self, **changes: Any) -> "Correspondences":  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The same matches with other values of some fields; `second` is one of the fields."""
-        kept = {**vars(self), **{name: changes.pop(name) for name in ("second",) if name in changes}}
-        made = super()._replace(**changes)
-        vars(made).update(kept)
-        return made
-
-    __replace__ = _replace
+    def __len__(self) -> int:
+        return len(self.indices)
 
     @property
     def ambiguity(self) -> NDArray[np.float32]:
@@ -65,4 +54,4 @@ def match(
                 f"match takes Features, not {type(value).__name__}; "
                 "Features.from_arrays(keypoints, descriptors, image_size) makes them"
             )
-    return Correspondences.of(*search(a, b, method, ratio))
+    return Correspondences(*search(a, b, method, ratio))

@@ -1,4 +1,4 @@
-"""Features with OpenCV's functions and methods, so that one changed line is enough: `cv2.SIFT_create` -> `SIFT_create`.
+"""Features with OpenCV's functions and `detectAndCompute`: `cv2.SIFT_create` becomes `matchbench.SIFT_create`.
 
 Keypoints are `cv2.KeyPoint` if cv2 can be imported, otherwise a tuple with the same names. Arguments have OpenCV's names,
 meanings and positions; those that have no counterpart here are refused. Colour images are BGR, as cv2 reads them. A mask
@@ -28,7 +28,7 @@ class KeyPoint(NamedTuple):
 
 
 class Feature2D:
-    """An extractor with OpenCV's methods."""
+    """An extractor with OpenCV's `detectAndCompute`."""
 
     def __init__(self, extractor: Extractor) -> None:
         self.extractor = extractor

@@ -341,14 +341,22 @@ def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int,
 def read_gray(path: _Path) -> NDArray[np.uint8]:
     """The image in a file as height x width, grey, decoded as in every command."""
 
+_AnyMatcher = (
+    str
+    | Matcher
+    | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None, bool]
+    | tuple[str, list[str], str | None, float | None, list[int] | None, bool, dict[str, str]]
+)
+
 def run(
     datasets: Sequence[Dataset],
-    matchers: Sequence[str | Matcher | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None, bool]],
+    matchers: Sequence[_AnyMatcher],
     estimators: Sequence[str | Estimator],
+    protocols: Sequence[str],
     out: _Path,
     settings: Sequence[str],
     seed: int,
-    repeat: int,
+    repeat: int | None,
     limit: int | None,
     sample: int | None,
     time_budget_ms: int | None,
@@ -358,6 +366,16 @@ def run(
     threads: int | None,
     progress: Callable[[int, int, str, str], None] | None,
 ) -> tuple[tuple[int, int, int, int], list[str]]: ...
+def show(
+    dataset: Dataset,
+    a: int,
+    b: int,
+    matcher: _AnyMatcher,
+    estimators: Sequence[str | Estimator],
+    settings: Sequence[str],
+    seed: int,
+    keypoints: bool,
+) -> tuple[bytes, list[str]]: ...
 def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
     """The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run."""
 

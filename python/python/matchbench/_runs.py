@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from ._matches_from import MatchesFrom
 from ._matchers import Matcher
-from ._native import Dataset, Error, Estimator
+from ._native import Dataset, Estimator
 from ._native import report as native_report
 from ._native import run as native_run
 from ._params import several, to_json
@@ -43,9 +44,10 @@ def run(
     estimators: str | Estimator | Sequence[str | Estimator] | None = None,
     *,
     out: _Path,
+    protocols: str | Sequence[str] = (),
     settings: str | Sequence[str] = (),
     seed: int = 0,
-    repeat: int = 1,
+    repeat: int | None = None,
     limit: int | None = None,
     sample: int | None = None,
     time_budget_ms: int | None = None,
@@ -58,8 +60,8 @@ def run(
     """Runs all tasks that are not yet recorded in the folder `out`. The records are the same as those of `matchbench run`.
     Datasets, matchers, estimators and settings may be one or several: "sift" means ["sift"].
 
-    A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, or
-    Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
+    A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, matches from
+    files, or Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
     Images are grey arrays (height x width), or RGB (height x width x 3) if it has `color = True`; the result is
     `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. Its name in tables is `name`, or that of
     the function or class; `params` are recorded if it has them, and so is `version`. Without one, a digest of its code
@@ -67,10 +69,16 @@ def run(
     It may be called from several threads, one at a time unless it releases the interpreter. If it raises an exception,
     the pair failed; it is tried again when this call is repeated. `retry_failed` tries everything again that failed.
 
+    What other tools have matched is read from their files by `MatchesFrom(name, files)`.
+
     Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and a matcher
-    written in Python has "best". `settings` are as on the command line: ["sift.ratio=0.7"]. In tables, matchers
-    given by name come first, then those written in Python, then those from `matcher(...)`. `progress` may be a
-    function of (done, total, dataset, matcher).
+    written in Python has "best", and so have matches from files. `settings` are as on the command line:
+    ["sift.ratio=0.7"]. In tables, matches from files come after the matchers of the library, and those written in Python
+    last. `progress` may be a function of (done, total, dataset, matcher).
+
+    `protocols` are evaluation protocols ("superglue"; `matchbench list protocols` describes them), or "all". A protocol
+    sets the size of images, the estimator, the unit of its threshold and the repetitions; several share one set of
+    matches. `repeat` runs every pair so many times with other random choices: once, unless a protocol says otherwise.
 
     `limit` takes the first pairs of each dataset alone, and `sample` so many pairs, evenly spread (out of the first
     ones, if there is a limit).
@@ -82,7 +90,7 @@ def run(
     continues from there.
     """
     datasets = _some("dataset", dataset, "give at least one")
-    contenders = [_any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
+    contenders = [any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
     own = "leave it out for those that belong to each matcher"
     judges = [] if estimators is None else _some("estimators", estimators, own)
     counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
@@ -91,29 +99,24 @@ def run(
             raise ValueError(f"{name}: {count}, must be at least 1")
     opened = [each if isinstance(each, Dataset) else Dataset.open(each) for each in datasets]
     with shown(progress) as bar:
-        try:
-            tasks, notes = native_run(
-                opened,
-                contenders,
-                judges,
-                out,
-                several(settings),
-                seed,
-                repeat,
-                limit,
-                sample,
-                time_budget_ms,
-                keep_matches,
-                retry_failed,
-                cache,
-                threads,
-                bar,
-            )
-        except Error as error:
-            if '].version` is "code ' not in str(error):
-                raise
-            remedy = "choose another `out`, or set its `version` to the one there if its results are the same"
-            raise Error(f"{error}. The code of the matcher was changed: {remedy}") from None
+        tasks, notes = native_run(
+            opened,
+            contenders,
+            judges,
+            several(protocols),
+            out,
+            several(settings),
+            seed,
+            repeat,
+            limit,
+            sample,
+            time_budget_ms,
+            keep_matches,
+            retry_failed,
+            cache,
+            threads,
+            bar,
+        )
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Run(Path(out), *tasks)
@@ -145,13 +148,16 @@ def _some(name: str, given: Any, remedy: str) -> list[Any]:
     return found
 
 
-def _any_matcher(given: Any) -> Any:
+def any_matcher(given: Any) -> Any:
+    """A matcher as the compiled module takes it."""
     if isinstance(given, str):
         return given
     if isinstance(given, os.PathLike):
         return os.fspath(given)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
     if isinstance(given, type):
         raise TypeError(f"{given.__name__} is a class; give an instance of it")
+    if isinstance(given, MatchesFrom):
+        return given.parts
     if isinstance(given, Matcher):
         if type(given) is not Matcher:
             own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
@@ -163,8 +169,8 @@ def _any_matcher(given: Any) -> Any:
         matching, extract = given, None
     if not callable(matching):
         raise TypeError(
-            f"a matcher is a name, a manifest's path, matcher(...), a function of two images or an object with "
-            f"extract and match; this is {type(given).__name__}"
+            f"a matcher is a name, a manifest's path, matcher(...), MatchesFrom(...), a function of two images or an "
+            f"object with extract and match; this is {type(given).__name__}"
         )
     name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     color = bool(getattr(given, "color", False))

@@ -90,6 +90,6 @@ def _select(
     else:
         raise TypeError(
             f"{name} takes the matches that match() returns, not {type(matches).__name__}; "
-            "Correspondences.of(indices, distances, second) makes them"
+            "Correspondences(indices, distances, second) makes them"
         )
-    return Correspondences.of(*native.select(a, b, putative, images, cameras, seed))
+    return Correspondences(*native.select(a, b, putative, images, cameras, seed))

@@ -1,14 +1,16 @@
 """One pair as a picture, as `matchbench show` draws it, in a notebook or a file."""
 
 import os
-import subprocess
-import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from ._native import Dataset, Error
+from ._native import Dataset, Estimator
+from ._native import show as native_show
 from ._params import several
+from ._runs import any_matcher
 
 _Path = str | os.PathLike[str]
 
@@ -36,8 +38,8 @@ def show(
     dataset: Dataset | _Path,
     a: int,
     b: int,
-    matcher: str | os.PathLike[str] = "sift",
-    estimator: str | None = None,
+    matcher: Any = "sift",
+    estimator: str | Estimator | None = None,
     *,
     settings: str | Sequence[str] = (),
     seed: int = 0,
@@ -46,21 +48,13 @@ def show(
     """Matches the pair of frames `a` and `b` as a run would, and draws the result: matches that agree with the estimate
     and those that do not, coloured by their distance from the true epipolar line.
 
-    `matcher` is a name or the path of a manifest. Without an `estimator`, the one that belongs to the matcher is used.
-    `settings` are as on the command line: ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match
-    are drawn too.
+    `matcher` is whatever `run` takes: a name, the path of a manifest, `matcher(...)`, `MatchesFrom(...)` or Python code.
+    Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line:
+    ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match are drawn too.
     """
-    folder = dataset.path if isinstance(dataset, Dataset) else dataset
-    words = ["show", "--matcher", os.fspath(matcher), "--seed", str(seed), "--out", "-"]
-    if estimator is not None:
-        words += ["--estimator", estimator]
-    for setting in several(settings):
-        words += ["--set", setting]
-    if keypoints:
-        words.append("--keypoints")
-    # In a process of its own, since the picture is written to standard output, which belongs to the interpreter here.
-    words += ["--", os.fspath(folder), str(a), str(b)]
-    done = subprocess.run([sys.executable, "-m", "matchbench", *words], capture_output=True)
-    if done.returncode != 0:
-        raise Error(done.stderr.decode(errors="replace").removeprefix("error: ").strip())
-    return Picture(done.stdout)
+    opened = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
+    judges = [] if estimator is None else [estimator]
+    png, notes = native_show(opened, a, b, any_matcher(matcher), judges, several(settings), seed, keypoints)
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    return Picture(png)

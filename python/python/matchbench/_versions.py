@@ -1,13 +1,15 @@
 """The version of a matcher written in Python that states none: a digest of its code.
 
 A run is refused if it was begun with other code, as with another version of a program. The digest has the bytecode,
-constants, defaults and closures of a function, or of all methods of a class, as far as they are numbers, text, tuples
-and functions. It does not see what is called elsewhere, nor weights: whoever changes these states a `version`.
+constants, defaults and closures of a function, or of all methods and constants of a class, as far as they are numbers,
+text, tuples and functions. It does not see what is called elsewhere, nor weights: whoever changes these states a
+`version`. Each version of Python has bytecode of its own, so the version of the matcher names it.
 """
 
 import dis
 import functools
 import hashlib
+import sys
 import types
 from typing import Any
 
@@ -15,14 +17,15 @@ _SIMPLE = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
 
 def version_of(given: Any) -> str:
-    """What the matcher says, or `code` and eight digits."""
+    """What the matcher says, or as in `code 1a2b3c4d of Python 3.12`."""
     stated = getattr(given, "version", None)
     if stated is not None:
         return str(stated)
     digest = hashlib.sha256()
     is_code = isinstance(given, (types.FunctionType, types.MethodType, functools.partial))
     _feed(digest, given if is_code else type(given), set())
-    return f"code {digest.hexdigest()[:8]}"
+    major, minor, *_ = sys.version_info
+    return f"code {digest.hexdigest()[:8]} of Python {major}.{minor}"
 
 
 def _feed(digest: Any, value: Any, seen: set[int]) -> None:
@@ -54,13 +57,20 @@ def _parts(value: Any) -> list[Any]:
         case functools.partial():
             return [parts.func, parts.args, *_items(parts.keywords)]
         case type():
-            return [part for each in parts.__mro__ if each is not object for part in _items(vars(each))]
+            return [part for each in parts.__mro__ if each is not object for part in _items(_own(each))]
         case tuple():
             return list(parts)
         case frozenset():
             return sorted(map(repr, parts))
         case _:
             return []
+
+
+def _own(given: type) -> dict[str, Any]:
+    """The methods and constants of a class, without what Python notes of it by itself (`__firstlineno__`, `__doc__`)."""
+    methods = (types.FunctionType, staticmethod, classmethod, property)
+    noted = {name for name in vars(given) if name.startswith("__") and name.endswith("__")}
+    return {name: value for name, value in vars(given).items() if name not in noted or isinstance(value, methods)}
 
 
 def _items(values: Any) -> list[Any]:

@@ -121,6 +121,10 @@ pub(crate) struct ValidateArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
+    /// Print every problem. Without this option, those that say the same of many files are counted after the
+    /// first ten
+    #[arg(long)]
+    pub all: bool,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -372,7 +372,8 @@ estimator of homographies the frame of image a: the true ones white, the estimat
 Examples:
   matchbench show office 0 7 --matcher sift --out pair.png
   matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg
-  matchbench show boat 0 3 --matcher sift --estimator best-h --out pair.png")]
+  matchbench show boat 0 3 --matcher sift --estimator best-h --out pair.png
+  matchbench show office 0 7 --matches lightglue=hloc/matches.h5 --out pair.png")]
 pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
@@ -384,9 +385,15 @@ pub(crate) struct ShowArgs {
     #[arg(value_name = "B")]
     pub b: u32,
     /// The matcher (see `matchbench list matchers`); a path is that of the manifest of a matcher from outside
-    #[arg(long, value_name = "ID")]
-    pub matcher: String,
-    /// The pose estimator [default: the one that belongs to the matcher]
+    #[arg(
+        long,
+        value_name = "ID",
+        required_unless_present = "matches",
+        conflicts_with = "matches"
+    )]
+    pub matcher: Option<String>,
+    /// The estimator of poses or homographies [default: the one that belongs to the matcher; best for matches from
+    /// files]
     #[arg(long, value_name = "ID")]
     pub estimator: Option<String>,
     /// The picture to write, .png or .svg
@@ -401,6 +408,9 @@ pub(crate) struct ShowArgs {
     /// Draw all keypoints too
     #[arg(long)]
     pub keypoints: bool,
+    // The last: what follows stands under its heading.
+    #[command(flatten)]
+    pub files: MatchesArgs,
 }
 
 #[derive(Debug, Args)]

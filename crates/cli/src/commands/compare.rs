@@ -12,7 +12,7 @@ use matchbench::metrics::{
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, fixed, signed, units, write_differences};
 
-use super::eval::{method, warn_of_missing, warn_of_unfinished};
+use super::eval::{warn_of_missing, warn_of_unfinished};
 use crate::Ending;
 use crate::args::CompareArgs;
 use crate::output::{harmless, is_standard_output, say, stdout};
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         let [before, after] = row.names(runs, !args.matchers.is_empty());
         let set = row.sets[1];
         let on = match &args.matchers[..] {
-            [] => format!("{} with {}", set.dataset, method(set)),
+            [] => format!("{} with {}", set.dataset, set.method()),
             _ => set.dataset.clone(),
         };
         let _ = writeln!(
@@ -129,8 +129,8 @@ impl Row<'_> {
             let (set, run) = (self.sets[side], runs[side].display());
             match (by_method, runs[0] == runs[1]) {
                 (false, _) => run.to_string(),
-                (true, true) => method(set),
-                (true, false) => format!("{} of {run}", method(set)),
+                (true, true) => set.method(),
+                (true, false) => format!("{} of {run}", set.method()),
             }
         })
     }
@@ -218,15 +218,15 @@ fn methods<'a>(
         bail!(
             "of {} and {} one estimates poses and the other homographies, which are scored by other errors; name two \
              methods that estimate the same",
-            method(one),
-            method(other)
+            one.method(),
+            other.method()
         );
     }
     ensure!(
         !same_run
             || pairs
                 .iter()
-                .all(|[one, other]| method(one) != method(other)),
+                .all(|[one, other]| one.method() != other.method()),
         "{} is compared with itself; name two methods",
         named[0]
     );

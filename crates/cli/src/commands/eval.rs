@@ -124,7 +124,7 @@ pub(super) fn warn_of_missing(results: &Path, set: &ResultSet) {
         missing => say!(
             "warning: {}: no result with {} for {missing} of {} of {}, counted as wrong",
             results.display(),
-            method(set),
+            set.method(),
             counted(set.pairs.len(), "pair"),
             set.dataset
         ),
@@ -139,7 +139,7 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
             "warning: {}: ignored: {} of {} for pairs that {} does not list in this order",
             results.display(),
             counted(set.ignored, "result"),
-            method(set),
+            set.method(),
             set.dataset
         );
     }
@@ -153,14 +153,6 @@ fn warn_of_doubts(results: &Path, sets: &[ResultSet]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The matcher of a set, and the estimator if it is known.
-pub(super) fn method(set: &ResultSet) -> String {
-    match &*set.estimator {
-        "" => set.matcher.clone(),
-        estimator => format!("{} + {estimator}", set.matcher),
-    }
 }
 
 /// Which of the listed pairs are asked for.

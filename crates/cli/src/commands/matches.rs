@@ -11,9 +11,6 @@ use matchbench::study::MatchesFrom;
 use crate::args::MatchesArgs;
 use crate::output::say;
 
-/// Most missing pairs that are named; of more, the number is printed.
-const NAMED: usize = 10;
-
 /// The matches that were asked for.
 pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
     let notes = notes(&args.note)?;
@@ -53,24 +50,8 @@ pub(crate) fn describe(name: &str, source: &MatchSource) {
             counted(survey.found, "pair"),
             counted(survey.matches, "match")
         );
-        if !survey.absent.is_empty() {
-            let named = survey.absent.iter().take(NAMED);
-            let named: Vec<_> = named.map(|(a, b)| format!("{a} {b}")).collect();
-            let more = match survey.absent.len().saturating_sub(NAMED) {
-                0 => String::new(),
-                more => format!(" and {more} more"),
-            };
-            say!(
-                "  absent: {} ({}{more}); what is run of them counts as failed",
-                counted(survey.absent.len(), "pair"),
-                named.join(", ")
-            );
-        }
-        if survey.others > 0 {
-            say!(
-                "  {} of the files not in the dataset",
-                counted(survey.others, "pair")
-            );
+        for remark in survey.remarks() {
+            say!("  {remark}");
         }
         for warning in &survey.warnings {
             say!("  warning: {warning}");

@@ -24,6 +24,11 @@ impl Changes {
         Ok(Self(changes))
     }
 
+    /// These parameters (a JSON object) of the matcher or estimator `id`.
+    pub fn of_one(id: impl Into<String>, params: Value) -> Self {
+        Self(Map::from_iter([(id.into(), params)]))
+    }
+
     /// These changes with `others` added; if both name the same parameter, `others` win.
     #[must_use]
     pub fn with(self, others: Self) -> Self {

@@ -51,6 +51,36 @@ pub struct Survey {
     pub warnings: Vec<String>,
 }
 
+/// Missing pairs that are named; of more, the number is told.
+const NAMED: usize = 10;
+
+impl Survey {
+    /// Which pairs are in the dataset or in the files alone, in sentences.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if !self.absent.is_empty() {
+            let named = self.absent.iter().take(NAMED);
+            let named: Vec<_> = named.map(|(a, b)| format!("{a} {b}")).collect();
+            let more = match self.absent.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            remarks.push(format!(
+                "absent: {} ({}{more}); what is run of them counts as failed",
+                counted(self.absent.len(), "pair"),
+                named.join(", ")
+            ));
+        }
+        if self.others > 0 {
+            remarks.push(format!(
+                "{} of the files not in the dataset",
+                counted(self.others, "pair")
+            ));
+        }
+        remarks
+    }
+}
+
 /// Matches of a pair as our own matchers give them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileMatches {

@@ -139,7 +139,7 @@ struct Text {
     summary: String,
     #[serde(default)]
     reference: String,
-    command: toml::Spanned<Vec<String>>,
+    command: toml::Spanned<toml::Value>,
     #[serde(default)]
     kind: KindName,
     estimator: Option<toml::Spanned<String>>,
@@ -202,7 +202,7 @@ impl Manifest {
             source.error(error.span().map(|span| span.start), what, remedy)
         })?;
         source.check_name(&file.name, built_in)?;
-        source.check_command(&file.command)?;
+        let command = source.command(&file.command)?;
         if let Some(estimator) = &file.estimator {
             let known = find(
                 "estimator",
@@ -249,7 +249,7 @@ impl Manifest {
             name: file.name.into_inner(),
             summary: file.summary,
             reference: file.reference,
-            command: file.command.into_inner(),
+            command,
             kind,
             estimator: file.estimator.map(toml::Spanned::into_inner),
             timeout,
@@ -386,16 +386,24 @@ impl Source<'_> {
         Ok(())
     }
 
-    fn check_command(&self, command: &toml::Spanned<Vec<String>>) -> Result<(), ManifestError> {
-        let program = command.get_ref().first();
-        if program.is_none_or(String::is_empty)
-            || command.get_ref().iter().any(|part| part.contains('\0'))
-        {
-            let at = Some(command.span().start);
-            let remedy = "write it as in command = [\"python3\", \"matcher.py\"]";
-            return Err(self.error(at, "`command` names no program", remedy));
-        }
-        Ok(())
+    /// The program and its arguments.
+    fn command(&self, given: &toml::Spanned<toml::Value>) -> Result<Vec<String>, ManifestError> {
+        let texts = |list: &Vec<toml::Value>| -> Option<Vec<String>> {
+            let texts = list.iter().map(|text| text.as_str().map(str::to_owned));
+            texts.collect()
+        };
+        let what = match given.get_ref().as_array().and_then(texts) {
+            Some(command) if command.iter().any(|part| part.contains('\0')) => {
+                "`command` has a NUL, which no argument can have"
+            }
+            Some(command) if command.first().is_some_and(|program| !program.is_empty()) => {
+                return Ok(command);
+            }
+            Some(_) => "`command` names no program",
+            None => "`command` is not a list of texts, the program and its arguments",
+        };
+        let remedy = "write it as in command = [\"python3\", \"matcher.py\"]";
+        Err(self.error(Some(given.span().start), what, remedy))
     }
 
     fn seconds(&self, key: &str, value: &toml::Spanned<f64>) -> Result<Duration, ManifestError> {

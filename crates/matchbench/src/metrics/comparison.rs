@@ -31,7 +31,7 @@ pub struct Comparison {
     pub gained: usize,
     /// Pairs below that before that are not now.
     pub lost: usize,
-    /// Pairs with another pose, or another reason for having none.
+    /// Pairs with another error, or another reason for having none.
     pub changed: usize,
 }
 
@@ -131,8 +131,11 @@ pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
         .collect()
 }
 
-/// The results of the pairs that both have, in the order of `after`.
-fn twins<'a>(before: &'a ResultSet, after: &'a ResultSet) -> Vec<(&'a PairResult, &'a PairResult)> {
+/// The results of the pairs (and repetitions) that both have, in the order of `after`.
+pub fn twins<'a>(
+    before: &'a ResultSet,
+    after: &'a ResultSet,
+) -> Vec<(&'a PairResult, &'a PairResult)> {
     let key = |pair: &PairResult| (pair.a, pair.b, pair.repetition);
     let before: BTreeMap<_, _> = before.pairs.iter().map(|pair| (key(pair), pair)).collect();
     (after.pairs.iter())

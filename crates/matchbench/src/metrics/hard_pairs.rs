@@ -22,7 +22,7 @@ use crate::records::Counts;
 
 /// Angle between the optical axes from which on a pair is wide, in degrees.
 pub const WIDE_ANGLE: f64 = 30.0;
-/// Upper bound of the overlap below which little is seen twice.
+/// Overlap, measured or the largest that the poses allow, below which little is seen twice.
 pub const LITTLE_OVERLAP: f64 = 0.5;
 
 /// A reason for which a pair may be hard.
@@ -61,7 +61,9 @@ impl Hardship {
     pub fn told_by(self) -> String {
         match self {
             Self::WideAngle => format!("optical axes at least {WIDE_ANGLE}° apart"),
-            Self::LittleOverlap => format!("overlap below {LITTLE_OVERLAP} at any depth"),
+            Self::LittleOverlap => {
+                format!("overlap below {LITTLE_OVERLAP}, measured or at any depth")
+            }
             Self::LittleTexture => "an image with less than half of the usual features".into(),
             Self::Ambiguous => {
                 "less than half of the usual share of matches passes the selection, and nothing of \

@@ -1,11 +1,11 @@
 //! How hard a pair is, told from its true pose and cameras alone: baseline, angle, overlap.
 //!
 //! With depth a run measures how much of each image the other shows, and records it
-//! ([`PairGeometry::measure`]). Without depth, nobody knows how much of image `a` is seen in image `b`, but
-//! an upper bound is known: the share of rays of `a` that would end in `b` at any depth, the lesser of both
-//! directions. [`PairGeometry::overlap`] tries the depths [`DEPTHS`] (in baselines, and infinity) for each ray.
-//! Images that look past each other have 0, whatever the scene; 1 says only that the poses do not exclude full
-//! overlap.
+//! ([`PairGeometry::measure`]). Without depth, nobody knows how much of image `a` is seen in image `b`. But the poses
+//! allow at most some overlap: the share of rays of `a` that would end in `b` at any depth, the lesser of both
+//! directions. [`PairGeometry::overlap`] estimates it: it tries the depths [`DEPTHS`] (in baselines, and infinity) for
+//! each of a grid of rays. Images that look past each other have 0, whatever the scene; 1 says only that the poses do
+//! not exclude full overlap.
 //!
 //! The size of an image is taken as twice its principal point, which needs no file.
 
@@ -31,7 +31,7 @@ pub struct PairGeometry {
     pub baseline: Option<f64>,
     /// Angle between the optical axes, in degrees; `None` where the dataset is not at hand.
     pub view_angle: Option<f64>,
-    /// Share of one image that is seen in the other, in `[0, 1]`, or an upper bound of it.
+    /// Share of one image that is seen in the other, in `[0, 1]`, or about the largest share that the poses allow.
     pub overlap: f64,
     /// Whether the overlap was measured by depth.
     pub is_measured: bool,

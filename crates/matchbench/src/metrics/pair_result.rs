@@ -1,5 +1,6 @@
 //! What a score needs to know of one pair.
 
+use matchbench_vision::geometry::larger;
 use serde::Serialize;
 
 use crate::records::{ByDepth, Counts, Outcome, RunRecord, StageTimes};
@@ -105,13 +106,8 @@ impl AngularError {
     }
 }
 
-/// The larger of two angles; NaN where one is (`f64::max` would hide it).
-fn larger(a: f64, b: f64) -> f64 {
-    if a.is_nan() || a > b { a } else { b }
-}
-
 impl PairResult {
-    /// A pair that came to nothing.
+    /// A pair without an estimate.
     pub fn failed(a: u32, b: u32, failure: Failure) -> Self {
         Self {
             a,

@@ -34,7 +34,7 @@ pub struct ProtocolScores {
     pub failed: usize,
     /// The scores of the protocol, in its order.
     pub scores: Vec<ProtocolScore>,
-    /// What the run did otherwise than the protocol asks, in sentences without an end.
+    /// How the run departs from the protocol, in sentences without a full stop.
     pub otherwise: Vec<String>,
 }
 

@@ -19,7 +19,21 @@ pub struct ResultSet {
     pub ignored: usize,
 }
 
+/// A matcher with its estimator, if that is known: `sift + ransac-e`.
+pub fn method(matcher: &str, estimator: &str) -> String {
+    if estimator.is_empty() {
+        matcher.to_owned()
+    } else {
+        format!("{matcher} + {estimator}")
+    }
+}
+
 impl ResultSet {
+    /// Its [`method`].
+    pub fn method(&self) -> String {
+        method(&self.matcher, &self.estimator)
+    }
+
     /// Tasks on listed pairs that have no result.
     pub fn missing(&self) -> usize {
         let pairs = self.pairs.iter();

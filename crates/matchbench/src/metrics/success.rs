@@ -13,7 +13,7 @@ use serde::{Serialize, Serializer};
 use super::{Angle, Model, PairResult};
 
 /// Pixels at which the AUC of homographies is the one that methods are ranked by.
-pub(super) const HEADLINE_PX: f64 = 3.0;
+pub const HEADLINE_PX: f64 = 3.0;
 
 /// The thresholds of the paper, in degrees.
 pub const THRESHOLDS: RangeInclusive<usize> = 1..=15;

@@ -8,6 +8,8 @@ use serde_json::Value;
 use super::Plan;
 use super::earlier_plans::modernized;
 
+/// How the version of a matcher begins that is a digest of its code in Python.
+const DIGEST: &str = "code ";
 /// How a program is started, in the plan of a matcher.
 const COMMAND: &str = "command";
 
@@ -26,7 +28,9 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     let mut plan = what_decides(plan, names_matchers);
     keep_known(&written, &mut plan);
     forget_commands(&mut written, &mut plan);
-    another_dataset(&written, &plan).or_else(|| first_difference(&written, &plan, ""))
+    another_dataset(&written, &plan)
+        .or_else(|| other_code(&written, &plan))
+        .or_else(|| first_difference(&written, &plan, ""))
 }
 
 /// Which dataset of the same name is another one, in words: two hashes tell a reader nothing.
@@ -41,6 +45,23 @@ fn another_dataset(written: &Value, plan: &Value) -> Option<String> {
             format!(
                 "the cameras, pairs or true poses of the dataset `{name}` were others \
                  (`datasets[{index}].fingerprint`)"
+            )
+        })
+    })
+}
+
+/// Which matcher written in Python had other code, in words.
+fn other_code(written: &Value, plan: &Value) -> Option<String> {
+    let [written, plan] = [written, plan].map(|plan| plan["matchers"].as_array());
+    let mut pairs = written?.iter().zip(plan?);
+    pairs.find_map(|(written, plan)| {
+        let [before, now] = [written, plan].map(|matcher| matcher.get("version")?.as_str());
+        let (name, before, now) = (name(plan)?, before?, now?);
+        let is_code = [before, now].iter().any(|version| version.starts_with(DIGEST));
+        (is_code && before != now).then(|| {
+            format!(
+                "the code of the matcher `{name}` was another, `{before}` and not `{now}`; if its results are the \
+                 same, give it that as its `version`"
             )
         })
     })

@@ -30,7 +30,8 @@ pub enum Outcome {
         rotation: [f64; 9],
         /// t, of length 1.
         translation: [f64; 3],
-        /// Matches that agree with the model in the consensus stage.
+        /// Matches that the estimator counts as inliers of its final model. In results in the authors' format, which
+        /// do not know it, it is `support`.
         inliers: u32,
         /// Selected matches in front of both cameras: the paper's number of correspondences.
         support: u32,
@@ -208,6 +209,11 @@ impl Outcome {
     /// Whether there is an estimate: a pose or a homography.
     pub fn is_estimate(&self) -> bool {
         matches!(self, Self::Pose { .. } | Self::Homography { .. })
+    }
+
+    /// Whether the task broke, so that there is no result.
+    pub fn has_failed(&self) -> bool {
+        matches!(self, Self::Failed { .. })
     }
 
     /// Whether it is that of an estimator of homographies, else of poses; a failure may be of either.

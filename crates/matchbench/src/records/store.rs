@@ -154,7 +154,8 @@ pub(super) const LONGEST_LINE: usize = 8 << 20;
 ///
 /// # Errors
 /// As [`read`], for every file. A folder without records is no error, it has none.
-pub fn read_run(run: &Path) -> Result<Vec<RunRecord>, StoreError> {
+#[cfg(test)]
+pub(crate) fn read_run(run: &Path) -> Result<Vec<RunRecord>, StoreError> {
     let mut records = Vec::new();
     for file in files(run)? {
         records.append(&mut read(&file)?);

@@ -4,9 +4,9 @@
 use super::command_line::{self, CommandLine, Origin, folder};
 use super::content::Content;
 use super::file_names::file_names;
-use super::words::method;
 use crate::counted::counted;
 use crate::datasets::rendered::{REVISION, scenes};
+use crate::metrics::method;
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
 
 /// The folder that commands for all datasets write into.

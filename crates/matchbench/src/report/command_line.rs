@@ -203,14 +203,14 @@ pub(super) fn show(
     (matcher, estimator): (&MatcherPlan, &EstimatorPlan),
 ) -> Option<[String; 2]> {
     let variant = Variant::of(matcher, estimator)?;
-    let id = match Origin::of(matcher) {
-        _ if !variant.protocol.is_ours() => return None,
-        Origin::Native => matcher.id.clone(),
-        Origin::Outside => format!("{}.toml", matcher.id),
-        Origin::Files | Origin::Python => return None,
-    };
     let mut chosen = CommandLine(Vec::new());
-    chosen.push("--matcher", id);
+    match Origin::of(matcher) {
+        _ if !variant.protocol.is_ours() => return None,
+        Origin::Native => chosen.push("--matcher", matcher.id.clone()),
+        Origin::Outside => chosen.push("--matcher", format!("{}.toml", matcher.id)),
+        Origin::Files => from_files(&[matcher], &[dataset], &mut chosen)?,
+        Origin::Python => return None,
+    }
     chosen.push("--estimator", variant.id);
     for (name, value) in variant.settings().into_iter().chain(of_matcher(matcher)) {
         chosen.push("--set", setting(&name, &value));

@@ -1,17 +1,13 @@
 //! Two methods side by side on the pairs where they differ most. The methods are two matchers of one run, or
 //! one matcher before and after a change.
 //!
-//! The difference of a pair is the difference of the two errors, each limited to 15 degrees (15 pixels for
-//! homographies), since the AUC ignores what is above. A pair without an estimate gets the largest error. For
-//! each method, the pairs are shown on which it wins by the largest difference.
+//! The difference of a pair is the difference of the two errors, each limited to what the AUC sees: 15
+//! degrees, or 3 pixels for homographies. A pair without an estimate gets the largest error. For each method, the
+//! pairs are shown on which it wins by the largest difference.
 
-use std::collections::BTreeMap;
-
-use crate::metrics::{Comparison, PairResult, ResultSet};
+use crate::metrics::{Comparison, HEADLINE_PX, Model, PairResult, ResultSet, twins as all_twins};
 use crate::records::RunFolder;
 
-/// The error above which the AUC makes no difference, in degrees or pixels.
-const SEEN_BELOW: f64 = 15.0;
 /// The error of a pair without an estimate.
 const WORST: f64 = 180.0;
 
@@ -51,7 +47,11 @@ impl Twin<'_> {
     /// By how much the first is worse than the second: first with errors limited as in the AUC, then without a
     /// limit.
     fn lead(&self) -> [f64; 2] {
-        [SEEN_BELOW, WORST].map(|most| {
+        let seen_below = match self.results[0].model {
+            Model::Pose => 15.0,
+            Model::Homography => HEADLINE_PX,
+        };
+        [seen_below, WORST].map(|most| {
             let [first, second] = self.errors().map(|error| error.unwrap_or(WORST).min(most));
             first - second
         })
@@ -60,18 +60,13 @@ impl Twin<'_> {
 
 /// The pairs for which both have a result, once each, in the order of the first.
 pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
-    let [first, second] = duel.sides.map(|side| side.results.pairs.iter());
-    let of_once = |pair: &&PairResult| pair.repetition == 0;
-    let second: BTreeMap<(u32, u32), &PairResult> = (second.filter(of_once))
-        .map(|pair| ((pair.a, pair.b), pair))
-        .collect();
-    (first.filter(of_once))
-        .filter_map(|pair| {
-            let frames = (pair.a, pair.b);
-            Some(Twin {
-                frames,
-                results: [pair, second.get(&frames)?],
-            })
+    let [first, second] = duel.sides.map(|side| side.results);
+    let twins = all_twins(second, first).into_iter();
+    twins
+        .filter(|(second, _)| second.repetition == 0)
+        .map(|(second, first)| Twin {
+            frames: (first.a, first.b),
+            results: [first, second],
         })
         .collect()
 }
@@ -110,6 +105,26 @@ mod tests {
             }));
         }
         pair
+    }
+
+    #[test]
+    fn what_the_auc_of_homographies_does_not_see_is_no_win() {
+        let corner = |error| PairResult {
+            model: Model::Homography,
+            outcome: Ok(Deviation::Corners(Some(error))),
+            ..result(1, None)
+        };
+        let wins = |first, second| {
+            let results = [corner(first), corner(second)];
+            let twin = Twin {
+                frames: (0, 1),
+                results: results.each_ref(),
+            };
+            won(&[twin], 9).map(|won| won.len())
+        };
+        assert_eq!(wins(5.0, 14.0), [0, 0]);
+        assert_eq!(wins(2.0, 14.0), [1, 0]);
+        assert_eq!(wins(2.5, 1.0), [0, 1]);
     }
 
     #[test]

@@ -15,8 +15,8 @@ use super::file_names::file_names;
 use super::folder::Pages;
 use super::html::{Chapter, Shown, difference_page};
 use super::of_run::{ReportError, Reported, sequences};
+use super::pair_words::outcome;
 use super::pictures::{Keypoints, Thumbnails, thumbnails, views_of};
-use super::words::outcome;
 
 /// Writes the page that compares methods two by two, with at most `most` pairs on which each of the two wins.
 /// Pictures are included if the dataset of a run is still in its place and the matches were kept. Files of an

@@ -7,6 +7,7 @@ use crate::metrics::{
     StageQuartiles, Stratum, SuccessCurve, Summary, auc_by_stratum, strata,
 };
 
+use super::advantage::advantage;
 use super::content::Content;
 use super::latex::sequence_numbers;
 use super::numbers::short;
@@ -15,7 +16,7 @@ use super::svg::{
     ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, reliability_diagram,
     scatter, sp_curves, strata_curves,
 };
-use super::words::{advantage, together};
+use super::words::together;
 
 /// Number of groups into which the pairs of a dataset are divided by difficulty.
 const STRATA: usize = 4;

@@ -6,7 +6,7 @@ use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, Score, ScoreKind, Summary,
 
 use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
-use super::words::{definitions, protocol_notes};
+use super::score_words::{definitions, protocol_notes};
 
 /// Two tables, each with a line of explanation.
 pub(super) fn render(summaries: &[Summary]) -> String {

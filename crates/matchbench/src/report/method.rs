@@ -16,7 +16,8 @@ use super::dataset_facts::DatasetFacts;
 use super::latex;
 use super::markdown;
 use super::names::{defaults, references, title};
-use super::words::{protocol_notes, protocols, when_pairs_fail};
+use super::pair_words::when_pairs_fail;
+use super::score_words::{protocol_notes, protocols};
 
 /// A piece of text, or keys of papers.
 enum Piece {

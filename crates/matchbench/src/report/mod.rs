@@ -4,6 +4,7 @@
 //! and mailed ([`write_report`] does the same for other [`Content`]). Every exporter is a pure function: the
 //! same scores give the same bytes. Names from data are escaped for the format in which they are written.
 
+mod advantage;
 mod again;
 mod booktabs;
 mod bundle;
@@ -35,6 +36,7 @@ mod overview;
 mod pair_homography;
 mod pair_table;
 mod pair_view;
+mod pair_words;
 mod pairs_csv;
 mod paper;
 mod parquet;
@@ -42,6 +44,7 @@ mod picture;
 mod pictures;
 mod protocol_table;
 mod raster;
+mod score_words;
 mod svg;
 mod table;
 mod time_table;
@@ -54,6 +57,7 @@ use std::str::FromStr;
 
 use crate::metrics::Summary;
 
+pub use advantage::{advantage, leads_in_words, units};
 pub use bundle::{MAX_BUNDLED, bundled, write_bundle};
 pub use command_line::shell_word;
 pub use content::{Content, RunFacts};
@@ -70,6 +74,7 @@ pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,
 };
+pub use pair_words::sentence;
 pub use paper::{PaperTimes, check_paper_folder, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
@@ -77,7 +82,6 @@ pub use protocol_table::render_protocols;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use unfinished::Lacking;
 pub use verdict::verdicts;
-pub use words::{advantage, leads_in_words, sentence, units};
 
 /// The format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

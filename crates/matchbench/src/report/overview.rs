@@ -7,7 +7,6 @@ use crate::metrics::{Angle, Model, Portion, Score, Summary, is_above, ranks};
 
 use super::names;
 use super::svg::{COLOURS, DASHES};
-use super::words;
 
 /// The matcher that the paper compares the others with.
 const BASELINE: &str = "sift";
@@ -112,7 +111,7 @@ impl<'a> Overview<'a> {
                 label: match subject {
                     Subject::Matchers => method.0.to_owned(),
                     Subject::Estimators => method.1.to_owned(),
-                    Subject::Both => words::method(method.0, method.1),
+                    Subject::Both => crate::metrics::method(method.0, method.1),
                 },
                 matcher: method.0,
                 estimator: method.1,

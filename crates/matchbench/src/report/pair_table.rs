@@ -3,7 +3,7 @@
 use crate::metrics::{Angle, PairGeometry, PairResult, ResultSet};
 
 use super::content::Content;
-use super::words::outcome;
+use super::pair_words::outcome;
 
 /// One column, as long as all others.
 pub(super) struct Column<'a> {

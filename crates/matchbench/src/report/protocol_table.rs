@@ -116,7 +116,7 @@ fn notes(scores: &[ProtocolScores]) -> Vec<String> {
 
 /// Where the run departed from what protocols ask: a sentence for all methods with the same departures.
 fn departures(scores: &[ProtocolScores]) -> Vec<String> {
-    let method = |one: &ProtocolScores| super::words::method(&one.matcher, &one.estimator);
+    let method = |one: &ProtocolScores| crate::metrics::method(&one.matcher, &one.estimator);
     let mut said: Vec<(&str, String, Vec<String>)> = Vec::new();
     for one in scores.iter().filter(|one| !one.otherwise.is_empty()) {
         let (protocol, words, name) = (one.protocol, one.otherwise.join("; "), method(one));

@@ -6,7 +6,7 @@ use crate::counted::counted;
 use crate::metrics::{Detail, SCORES, ScoreKind, Summary, shown_scores};
 
 use super::numbers::{interval, ratio, score};
-use super::words::{definitions, protocol_notes};
+use super::score_words::{definitions, protocol_notes};
 
 /// A column: its head, whether it holds names (left-aligned), and its cells.
 struct Column {

@@ -16,7 +16,7 @@ use super::figures::{
 };
 use super::latex::sequence_numbers;
 use super::overview::Overview;
-use super::words::method;
+use crate::metrics::method;
 
 const SCHEMA: &str = "https://vega.github.io/schema/vega-lite/v5.json";
 

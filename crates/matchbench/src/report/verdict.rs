@@ -3,7 +3,9 @@
 
 use crate::metrics::{Difference, Lead, MIN_IMAGES};
 
-use super::words::{method, rounds, together, units};
+use super::advantage::{rounds, units};
+use super::words::together;
+use crate::metrics::method;
 
 /// Most methods that a sentence names; of more it gives only the number.
 const NAMED: usize = 3;

@@ -158,10 +158,10 @@ pub struct Run<'a> {
     pub datasets: &'a [Dataset],
     /// The matchers, each with its estimators.
     pub contenders: &'a [Contender],
-    /// What else decides about the records.
+    /// Seed, repetitions and limits.
     pub settings: Settings,
-    /// Choices that settings of the contenders were taken over from; the scenes that they were made
-    /// on are refused, and the folder notes them for its report.
+    /// Results of tuning that settings of the contenders come from. Datasets that they were tuned on are refused,
+    /// and the folder notes them for its report.
     pub tuned: &'a [Tuned],
     /// The folder that the run is written into.
     pub folder: &'a Path,
@@ -216,7 +216,7 @@ impl Run<'_> {
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
     /// fails is not an error: it is recorded and counted, and tried again at the next start where its
     /// record says that it may do better then. A source that ends is no error either: the run of the
-    /// others goes on. An image that is another than the records are of is an error.
+    /// others goes on. It is an error if an image has changed since its records were made.
     pub fn execute(
         &self,
         observer: &dyn Observer,

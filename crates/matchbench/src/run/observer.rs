@@ -4,7 +4,7 @@ use std::iter::Sum;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::records::{Outcome, Plan, RunRecord};
+use crate::records::{Plan, RunRecord};
 
 /// Is told how a run goes: a progress bar, a log. Calls come one at a time, from any thread, and
 /// the run waits for them.
@@ -25,7 +25,7 @@ pub trait Observer: Sync {
         let _ = (frame, extracted);
     }
 
-    /// The matches of so many pairs, whose records are there, are gone or damaged and are made again.
+    /// The kept matches of so many `pairs` are lost or damaged, though their records are there: they are matched again.
     fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
         let _ = (dataset, matcher, pairs);
     }
@@ -88,7 +88,7 @@ impl RunSummary {
     /// Counts a task that was done now.
     pub(super) fn add(&mut self, record: &RunRecord) {
         self.now += 1;
-        self.failed += usize::from(has_failed(record));
+        self.failed += usize::from(record.outcome.has_failed());
     }
 }
 
@@ -102,8 +102,4 @@ impl Sum for RunSummary {
             ended: sum.ended + part.ended,
         })
     }
-}
-
-pub(super) fn has_failed(record: &RunRecord) -> bool {
-    matches!(record.outcome, Outcome::Failed { .. })
 }

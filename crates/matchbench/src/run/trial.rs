@@ -70,43 +70,49 @@ impl Trial<'_> {
                 let needs_sizes = protocol.needs_sizes();
                 let sizes =
                     needs_sizes.then(|| Ok::<_, Broken>([(self.size)(0)?, (self.size)(1)?]));
+                let [camera_a, camera_b] = self.cameras;
+                let original = TwoViews {
+                    points,
+                    camera_a,
+                    camera_b,
+                };
                 Ok(match protocol.view(self.cameras, sizes.transpose()?) {
-                    None => self.pose(points, id, &**pose, protocol, times)?,
+                    None => self.pose(original, original, id, &**pose, protocol, times)?,
                     Some(view) => {
                         let [camera_a, camera_b] = self.cameras.map(|camera| view.camera(camera));
-                        let cameras = [&camera_a, &camera_b];
-                        let seen = Trial { cameras, ..*self };
-                        seen.pose(&view.points(points), id, &**pose, protocol, times)?
+                        let seen = TwoViews {
+                            points: &view.points(points),
+                            camera_a: &camera_a,
+                            camera_b: &camera_b,
+                        };
+                        self.pose(original, seen, id, &**pose, protocol, times)?
                     }
                 })
             }
         }
     }
 
+    /// The estimator gets the matches as the protocol has them `seen`. Its pose is trusted by the `original` ones:
+    /// what that is calibrated for are pixels of images as they are.
     fn pose(
         &self,
-        points: &MatchedPoints,
+        original: TwoViews<'_>,
+        seen: TwoViews<'_>,
         id: &str,
         estimator: &dyn PoseEstimator,
         protocol: &Protocol,
         times: &mut StageTimes,
     ) -> Result<Judged, String> {
         let truth = (self.truth.pose()).ok_or("the pose of the pair is not known")?;
-        let (found, needed) = (points.len(), protocol.min_matches);
+        let (found, needed) = (seen.points.len(), protocol.min_matches);
         if found < needed {
             let reason = NoModel::TooFewMatches { found, needed };
             return Ok(Outcome::NoPose { reason }.into());
         }
-        let [camera_a, camera_b] = self.cameras;
-        let views = TwoViews {
-            points,
-            camera_a,
-            camera_b,
-        };
         let what = format_args!("estimation by {id}");
         let estimated = self.timed(id, times, |seed, stop| match stop {
-            None => estimator.estimate(views, seed),
-            Some(stop) => estimator.estimate_until(views, seed, stop),
+            None => estimator.estimate(seen, seed),
+            Some(stop) => estimator.estimate_until(seen, seed, stop),
         })?;
         let estimate = match estimated {
             Err(reason) => return Ok(Outcome::NoPose { reason }.into()),
@@ -128,7 +134,7 @@ impl Trial<'_> {
                 count(estimate.support),
                 count(estimate.iterations),
             );
-            let outcome = outcome.with_confidence(views.confidence(&estimate.b_from_a));
+            let outcome = outcome.with_confidence(original.confidence(&estimate.b_from_a));
             let inliers = estimate.inliers;
             Ok::<_, MatcherError>(Judged { outcome, inliers })
         })
@@ -210,7 +216,7 @@ mod tests {
 
     use super::*;
     use crate::estimators::BuiltEstimator;
-    use crate::protocols::{IMC, MATCHBENCH, SUPERGLUE};
+    use crate::protocols::{GLUE_FACTORY, IMC, MATCHBENCH, SUPERGLUE};
 
     fn variant(estimator: Estimator, protocol: &'static Protocol) -> Variant {
         Variant {
@@ -242,13 +248,13 @@ mod tests {
         }
     }
 
-    /// Why the pair fails under a protocol, of so many matches, inliers and matches in front of both cameras.
-    fn failure(
+    /// What comes of a pair under a protocol, of so many matches, inliers and matches in front of both cameras.
+    fn outcome(
         protocol: &'static Protocol,
         matches: usize,
         inliers: u32,
         support: usize,
-    ) -> Option<NoModel> {
+    ) -> Outcome {
         let estimator = Fixed(PoseEstimate {
             b_from_a: RelativePose {
                 rotation: UnitQuaternion::identity(),
@@ -273,11 +279,37 @@ mod tests {
             points.push(Point2::new(x, 50.0), Point2::new(x + 5.0, 50.0), 0.5);
         }
         let judged = trial.evaluate(&points, &variant, &mut StageTimes::default());
-        match judged.unwrap_or_else(|_| panic!("nothing breaks")).outcome {
+        judged.unwrap_or_else(|_| panic!("nothing breaks")).outcome
+    }
+
+    /// Why it fails.
+    fn failure(
+        protocol: &'static Protocol,
+        matches: usize,
+        inliers: u32,
+        support: usize,
+    ) -> Option<NoModel> {
+        match outcome(protocol, matches, inliers, support) {
             Outcome::NoPose { reason } => Some(reason),
             Outcome::Pose { .. } => None,
             other => panic!("{other:?}"),
         }
+    }
+
+    #[test]
+    fn a_pose_is_trusted_as_much_whatever_size_the_protocol_sees() {
+        let confidence = |protocol| match outcome(protocol, 60, 60, 60) {
+            Outcome::Pose {
+                confidence: Some(confidence),
+                ..
+            } => confidence,
+            other => panic!("{other:?}"),
+        };
+        let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
+        let view = GLUE_FACTORY.view([&camera; 2], Some([Size::new(640, 480); 2]));
+        assert!(view.is_some(), "it sees images of another size");
+        let [ours, theirs] = [&MATCHBENCH, &GLUE_FACTORY].map(confidence);
+        assert_eq!(ours, theirs);
     }
 
     #[test]

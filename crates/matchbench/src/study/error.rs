@@ -34,7 +34,7 @@ pub enum StudyError {
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     /// The run would be written into a dataset.
-    #[error("{} is a dataset, and a run needs a folder of its own; give another --out", folder.display())]
+    #[error("{} is a dataset, and a run needs a folder of its own; choose another", folder.display())]
     OutIsDataset {
         /// The folder.
         folder: PathBuf,

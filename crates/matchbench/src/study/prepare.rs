@@ -16,7 +16,7 @@ use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
-use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
+use crate::records::{FolderError, KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
 /// A study that is ready to run: its datasets are open, and its matchers are built.
@@ -94,36 +94,23 @@ impl Study {
         open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
         tell: &dyn Fn(News<'_>),
     ) -> Result<Prepared, StudyError> {
-        let incomplete = |what, remedy| StudyError::Incomplete { what, remedy };
-        let folder = (self.out.as_deref()).ok_or_else(|| {
-            incomplete("folder for the run", "--out RUN, or `out` in the run file")
-        })?;
+        // First what is told at once: an import may take long.
+        let folder = self.folder()?;
         if self.datasets.is_empty() {
-            return Err(incomplete(
-                "dataset",
-                "its folder, or [[dataset]] in the run file",
-            ));
+            return Err(StudyError::Incomplete {
+                what: "dataset",
+                remedy: "its folder, or [[dataset]] in the run file",
+            });
         }
-        let (protocols, run_settings) = (
-            protocols::find_all(&self.protocols).map_err(ContenderError::from)?,
-            self.settings().map_err(ContenderError::from)?,
-        );
-        let names = self.all_matchers();
-        if names.is_empty() && self.matches.is_empty() {
-            return Err(incomplete(
-                "matcher",
-                "--matchers or --matches, or `matchers` in the run file",
-            ));
+        if self.all_matchers().is_empty() && self.matches.is_empty() {
+            return Err(StudyError::Incomplete {
+                what: "matcher",
+                remedy: "--matchers or --matches, or `matchers` in the run file",
+            });
         }
-        let tuned = (self.tuned.iter())
-            .map(|path| Tuned::read(path))
-            .collect::<Result<Vec<_>, _>>()?;
-        let settings: Vec<String> = tuned.iter().map(|tuned| tuned.setting.clone()).collect();
-        let changes = Changes::parse(&settings)?.with(self.set.clone());
-        for name in names.iter().filter(|name| !Manifest::is_path(name)) {
-            matchers::find(name).map_err(ContenderError::from)?;
-        }
-        let mut datasets = (self.datasets.iter())
+        self.check_names()?;
+        self.tuned()?;
+        let datasets = (self.datasets.iter())
             .map(|dataset| open(dataset, open_dataset, tell))
             .collect::<Result<Vec<_>, _>>()?;
         for dataset in &datasets {
@@ -132,13 +119,37 @@ impl Study {
                     folder: folder.to_path_buf(),
                 });
             }
+        }
+        self.prepare_on(datasets, Vec::new(), tell)
+    }
+
+    /// The same on `datasets` that are open already, in the order of those of the study if it names any, and with
+    /// further `sources` of matches, which come last.
+    ///
+    /// # Errors
+    /// As [`Study::prepare`].
+    pub fn prepare_on(
+        &self,
+        mut datasets: Vec<Dataset>,
+        sources: Vec<BuiltPointSource>,
+        tell: &dyn Fn(News<'_>),
+    ) -> Result<Prepared, StudyError> {
+        let folder = self.folder()?;
+        self.check_names()?;
+        let protocols = protocols::find_all(&self.protocols).map_err(ContenderError::from)?;
+        let run_settings = self.settings().map_err(ContenderError::from)?;
+        let tuned = self.tuned()?;
+        let settings: Vec<String> = tuned.iter().map(|tuned| tuned.setting.clone()).collect();
+        let changes = Changes::parse(&settings)?.with(self.set.clone());
+        for dataset in &datasets {
             let (path, sequence) = (&dataset.path, &dataset.sequence);
             let problems = camera_problems(path, sequence).into_iter();
             for problem in problems.chain(pair_pose_problem(path, sequence)) {
                 tell(News::Problem(&problem));
             }
         }
-        let sources = self.sources(&datasets, tell)?;
+        let mut all_sources = self.sources(&datasets, tell)?;
+        all_sources.extend(sources);
         for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
             dataset.matchers = match &asked.matchers {
                 None if self.datasets.iter().all(|other| other.matchers.is_none()) => None,
@@ -146,7 +157,7 @@ impl Study {
                     let names = expanded(own.as_deref().unwrap_or(&self.matchers));
                     let ids = names.iter().map(|name| id(name, &changes));
                     let mut ids = ids.collect::<Result<BTreeSet<_>, _>>()?;
-                    ids.extend(sources.iter().map(|source| source.id.clone()));
+                    ids.extend(all_sources.iter().map(|source| source.id.clone()));
                     Some(ids)
                 }
             };
@@ -157,10 +168,15 @@ impl Study {
             logs: &folder.join("logs"),
             cache: &cache,
         };
-        let (estimators, outside) = (&self.estimators, Some(&outside));
-        let (contenders, absent) =
-            Contender::from_names(&names, sources, estimators, &protocols, &changes, outside)
-                .map_err(|error| self.placed(error, &tuned))?;
+        let (contenders, absent) = Contender::from_names(
+            &self.all_matchers(),
+            all_sources,
+            &self.estimators,
+            &protocols,
+            &changes,
+            Some(&outside),
+        )
+        .map_err(|error| self.placed(error, &tuned))?;
         if contenders.is_empty() {
             let reasons: Vec<String> = absent.iter().map(ToString::to_string).collect();
             return Err(StudyError::NotStarted(reasons.join("; ")));
@@ -176,6 +192,29 @@ impl Study {
             keep_matches: self.keep_matches,
             retry_failed: self.retry_failed,
         })
+    }
+
+    /// The folder of the run.
+    fn folder(&self) -> Result<&Path, StudyError> {
+        self.out.as_deref().ok_or(StudyError::Incomplete {
+            what: "folder for the run",
+            remedy: "--out RUN, or `out` in the run file",
+        })
+    }
+
+    /// What the files of tunings chose.
+    fn tuned(&self) -> Result<Vec<Tuned>, FolderError> {
+        self.tuned.iter().map(|path| Tuned::read(path)).collect()
+    }
+
+    /// Refuses an unknown name of a protocol or of a native matcher.
+    fn check_names(&self) -> Result<(), ContenderError> {
+        protocols::find_all(&self.protocols)?;
+        let names = self.all_matchers();
+        for name in names.iter().filter(|name| !Manifest::is_path(name)) {
+            matchers::find(name)?;
+        }
+        Ok(())
     }
 
     /// The error, with the line of the run file or with the file of a tuning if it is about one of these.
@@ -214,11 +253,8 @@ impl Study {
     /// of the study, unless each dataset has its own, then those that datasets add.
     pub fn all_matchers(&self) -> Vec<String> {
         let mut all = Vec::new();
-        if self
-            .datasets
-            .iter()
-            .any(|dataset| dataset.matchers.is_none())
-        {
+        let each_has_own = (self.datasets.iter()).all(|dataset| dataset.matchers.is_some());
+        if self.datasets.is_empty() || !each_has_own {
             // Unchanged: the run itself reports a name that is there twice.
             all = expanded(&self.matchers);
         }

@@ -10,12 +10,12 @@ pub mod akaze;
 pub mod asift;
 pub mod binboost;
 pub mod brisk;
-#[cfg(test)]
-mod covariance;
 pub mod daisy;
 mod descriptors;
 pub mod dlco;
 pub mod dsp_sift;
+#[cfg(test)]
+mod extractor_tests;
 pub mod fast;
 pub mod freak;
 mod image_and_views;

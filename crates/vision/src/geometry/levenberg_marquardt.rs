@@ -37,24 +37,26 @@ pub enum Loss {
 impl Loss {
     /// The cost of residuals. First the number of residuals that are not finite, if the loss has no bound; then
     /// the sum over the others.
-    fn cost(self, squared: &[f64], limit: f64) -> (usize, f64) {
+    fn cost(self, squared: &[f64], squared_scale: f64) -> (usize, f64) {
         match self {
             // `min` ignores NaN.
-            Self::Truncated => (0, squared.iter().map(|r| r.min(limit)).sum()),
+            Self::Truncated => (0, squared.iter().map(|r| r.min(squared_scale)).sum()),
             Self::Cauchy => {
                 let finite = || squared.iter().filter(|r| r.is_finite());
-                let sum = finite().map(|r| limit * libm::log1p(r / limit)).sum();
+                let sum = finite()
+                    .map(|r| squared_scale * libm::log1p(r / squared_scale))
+                    .sum();
                 (squared.len() - finite().count(), sum)
             }
         }
     }
 
     /// Replaces the squared residuals by their weights.
-    fn weigh(self, squared: &mut [f64], limit: f64) {
+    fn weigh(self, squared: &mut [f64], squared_scale: f64) {
         for r in squared {
             *r = match self {
-                Self::Truncated => f64::from(u8::from(*r <= limit)),
-                Self::Cauchy if r.is_finite() => limit / (limit + *r),
+                Self::Truncated => f64::from(u8::from(*r <= squared_scale)),
+                Self::Cauchy if r.is_finite() => squared_scale / (squared_scale + *r),
                 Self::Cauchy => 0.0,
             };
         }

@@ -36,7 +36,7 @@ pub use matched_points::MatchedPoints;
 pub(crate) use normalisation::normalisation;
 pub use plane::essentials_of_plane;
 pub use point_pairs::PointPairs;
-pub use pose::{PoseError, RelativePose};
+pub use pose::{PoseError, RelativePose, larger};
 pub(crate) use refine::pose_deviation;
 pub use refine::refine_pose;
 pub use refine_homography::refine_homography;

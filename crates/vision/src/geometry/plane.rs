@@ -97,6 +97,43 @@ mod tests {
     }
 
     #[test]
+    fn both_are_the_pose_where_the_camera_moves_straight_at_the_plane() {
+        let normal = UnitVector3::new_normalize(Vector3::new(0.2, -0.1, 1.0));
+        let rotation = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
+        for (side, distance) in [(1.0, 3.0), (-1.0, 3.0), (-1.0, 1.2), (1.0, 50.0)] {
+            // In the frame of b, so that H = R (I + side n n^T / d).
+            let direction = UnitVector3::new_normalize(rotation * (normal.into_inner() * side));
+            let truth = essential_from_pose(&RelativePose {
+                rotation,
+                direction,
+            })
+            .normalize();
+            let h = rotation.to_rotation_matrix().matrix()
+                + direction.into_inner() * normal.transpose() / distance;
+            let found = essentials_of_plane(&h);
+            assert_eq!(found.len(), 2);
+            for e in found.iter() {
+                let off = (e - truth).norm().min((e + truth).norm());
+                assert!(off < 1e-6, "{side} {distance}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_b_is_almost_in_the_plane_the_matrices_stay_finite() {
+        let normal = Vector3::z();
+        for above in [1e-3, 1e-9, 1e-15, 0.0] {
+            let h = Matrix3::identity() - normal * normal.transpose() * (1.0 - above);
+            for e in essentials_of_plane(&h).iter() {
+                assert!(
+                    (e.norm() - 1.0).abs() < 1e-9 && essential_defect(e) < 1e-6,
+                    "{above}: {e}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn a_rotation_and_what_is_no_homography_have_none() {
         let rotation = UnitQuaternion::from_euler_angles(0.1, -0.4, 0.2).to_rotation_matrix();
         let none = [

@@ -68,10 +68,16 @@ impl RelativePose {
 }
 
 impl PoseError {
-    /// The pose error of the MatchBench paper (Bian et al., Sec. 3): the larger of the two angles, in radians.
+    /// The pose error of the MatchBench paper (Bian et al., Sec. 3): the larger of the two angles, in radians; NaN if
+    /// one is.
     pub fn max(&self) -> f64 {
-        self.rotation.max(self.translation)
+        larger(self.rotation, self.translation)
     }
+}
+
+/// The larger of two angles; NaN where one is (`f64::max` would hide it).
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }
 
 #[cfg(test)]

@@ -89,8 +89,8 @@ impl TwoViews<'_> {
         let mut squared = vec![0.0; pairs.len()];
         let essential = essential_from_pose(b_from_a);
         squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
-        let limit = (NEAR_PX / focal) * (NEAR_PX / focal);
-        let indices = inliers_within(&squared, limit);
+        let squared_threshold = (NEAR_PX / focal) * (NEAR_PX / focal);
+        let indices = inliers_within(&squared, squared_threshold);
         let near = pairs.chosen(&indices);
         let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
         let freedom = near.len().saturating_sub(SAMPLE).max(1);

@@ -8,7 +8,7 @@
 //! 3. With an inlier ratio w, k samples of s data all contain an outlier with probability
 //!    `(1 - w^s)^k`. When that falls below 1 - confidence, no more samples are drawn.
 //!
-//! | symbol | field | default | source |
+//! | symbol | field | default ([`SampleConsensusParams`](super::SampleConsensusParams)) | source |
 //! | --- | --- | --- | --- |
 //! | p | `confidence` | 0.999 | reference protocol |
 //! | | `max_samples` | 1000 | OpenCV 4 |

@@ -26,11 +26,11 @@ use crate::seed::Rng;
 pub struct EssentialProblem<'a> {
     /// The matches, at depth 1.
     pub pairs: &'a PointPairs,
-    /// Whether scene points must lie in front of both cameras. Then a model is dropped if the matches of its own
-    /// sample do not [agree in orientation](crate::geometry::agree_in_orientation). This tests only that, under one
-    /// pose, both depths of each have the same sign: a match may still be behind both cameras. And matches
-    /// behind a camera count neither for the quality of a model nor for the number of its inliers, though they are in
-    /// the list [`Consensus::inliers`](super::Consensus::inliers).
+    /// Whether scene points must lie in front of both cameras. Then a model is dropped unless the matches of its own
+    /// sample [agree in orientation](crate::geometry::agree_in_orientation): under one of its poses, both depths of
+    /// each have the same sign. Matches with a negative depth under the best of the four poses count neither for the
+    /// quality of a model nor for the number of its inliers. They stay in the list
+    /// [`Consensus::inliers`](super::Consensus::inliers).
     pub cheirality: bool,
     /// Whether the best pose is compared with the poses that a plane of its inliers allows.
     pub plane_poses: bool,

@@ -40,12 +40,12 @@ impl EvenMsac {
 
 impl Scoring for EvenMsac {
     fn support(&self, range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
-        let limit = self.squared_threshold;
-        let gain = simd::sum_below(squared_residuals, self.weights.of(range), limit);
+        let squared_threshold = self.squared_threshold;
+        let gain = simd::sum_below(squared_residuals, self.weights.of(range), squared_threshold);
         Support {
-            quality: gain / limit,
-            inliers: simd::count_at_most(squared_residuals, limit),
-            squared_threshold: limit,
+            quality: gain / squared_threshold,
+            inliers: simd::count_at_most(squared_residuals, squared_threshold),
+            squared_threshold,
         }
     }
 

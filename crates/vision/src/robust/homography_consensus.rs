@@ -74,10 +74,10 @@ impl HomographyConsensus {
         problem: &HomographyProblem<'_>,
         found: Consensus<Matrix3<f64>>,
     ) -> (Matrix3<f64>, Vec<u32>) {
-        let limit = found.support.squared_threshold;
+        let squared_threshold = found.support.squared_threshold;
         let mut residuals = vec![0.0; problem.len()];
         let Some(refinement) = self.params.final_refinement else {
-            let inliers = inliers_of(problem, &found.model, limit, &mut residuals);
+            let inliers = inliers_of(problem, &found.model, squared_threshold, &mut residuals);
             return (found.model, inliers);
         };
         let (mut model, mut inliers) = (found.model, found.inliers);
@@ -88,16 +88,15 @@ impl HomographyConsensus {
         for _ in 0..times {
             problem.squared_residuals(&model, 0..problem.len(), &mut residuals);
             let squared_scale = match refinement.loss {
-                Loss::Truncated => limit,
-                Loss::Cauchy => {
-                    squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point).min(limit)
-                }
+                Loss::Truncated => squared_threshold,
+                Loss::Cauchy => squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point)
+                    .min(squared_threshold),
             };
-            let reach = self.params.score.reach() * limit;
+            let reach = self.params.score.reach() * squared_threshold;
             let near = problem.pairs.chosen(&inliers_within(&residuals, reach));
             let (loss, steps) = (refinement.loss, refinement.steps);
             model = refine_homography(&model, &near, loss, squared_scale, steps);
-            inliers = inliers_of(problem, &model, limit, &mut residuals);
+            inliers = inliers_of(problem, &model, squared_threshold, &mut residuals);
         }
         (model, inliers)
     }

@@ -119,7 +119,7 @@ impl SampleConsensus {
         found: Consensus<Matrix3<f64>>,
         pairs: &PointPairs,
     ) -> (Matrix3<f64>, Vec<u32>) {
-        let limit = found.support.squared_threshold;
+        let squared_threshold = found.support.squared_threshold;
         let (Some(refinement), Some([start, ..])) = (
             self.params.final_refinement,
             decompose_essential(&found.model),
@@ -129,12 +129,11 @@ impl SampleConsensus {
         let mut residuals = vec![0.0; pairs.len()];
         squared_sampson_distances(&found.model, pairs, 0..pairs.len(), &mut residuals);
         let squared_scale = match refinement.loss {
-            Loss::Truncated => limit,
-            Loss::Cauchy => {
-                squared_cauchy_scale(&residuals, &found.inliers, DistanceFrom::Line).min(limit)
-            }
+            Loss::Truncated => squared_threshold,
+            Loss::Cauchy => squared_cauchy_scale(&residuals, &found.inliers, DistanceFrom::Line)
+                .min(squared_threshold),
         };
-        let reach = self.params.score.reach() * limit;
+        let reach = self.params.score.reach() * squared_threshold;
         let near = pairs.chosen(&inliers_within(&residuals, reach));
         let pose = refine_pose(
             &start,
@@ -145,7 +144,7 @@ impl SampleConsensus {
         );
         let model = essential_from_pose(&pose);
         squared_sampson_distances(&model, pairs, 0..pairs.len(), &mut residuals);
-        (model, inliers_within(&residuals, limit))
+        (model, inliers_within(&residuals, squared_threshold))
     }
 }
 

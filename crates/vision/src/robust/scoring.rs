@@ -65,12 +65,12 @@ pub struct Msac {
 
 impl Scoring for Msac {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
-        let limit = self.squared_threshold;
-        let cost = simd::sum_truncated(squared_residuals, limit);
+        let squared_threshold = self.squared_threshold;
+        let cost = simd::sum_truncated(squared_residuals, squared_threshold);
         Support {
-            quality: squared_residuals.len() as f64 - cost / limit,
-            inliers: simd::count_at_most(squared_residuals, limit),
-            squared_threshold: limit,
+            quality: squared_residuals.len() as f64 - cost / squared_threshold,
+            inliers: simd::count_at_most(squared_residuals, squared_threshold),
+            squared_threshold,
         }
     }
 

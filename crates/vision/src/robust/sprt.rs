@@ -13,7 +13,7 @@
 //! `C = (1 - delta) log((1 - delta) / (1 - epsilon)) + delta log(delta / epsilon)` (eq. 8), A is the
 //! fixed point of `A = t_M C / m_S + 1 + log A`.
 //!
-//! Epsilon is the inlier ratio of the best model so far, delta the mean over the models given up.
+//! Epsilon is the largest inlier ratio of any model that was the best, delta the mean over the models given up.
 //!
 //! | symbol | constant | value | source |
 //! | --- | --- | --- | --- |

@@ -36,7 +36,8 @@ fn what_cannot_be_is_named_with_its_line() {
         ("name = 'best'\ncommand = ['a']\n", 1, "best"),
         ("name = 'x'\ncommand = []\n", 2, "command"),
         ("name = 'x'\ncommand = ['']\n", 2, "command"),
-        ("name = 'x'\ncommand = 'a'\n", 2, "sequence"),
+        ("name = 'x'\ncommand = 'a'\n", 2, "not a list"),
+        ("name = 'x'\ncommand = ['a', 3]\n", 2, "not a list"),
         (
             "name = 'x'\ncommand = ['a']\ntimeout_s = 0\n",
             3,

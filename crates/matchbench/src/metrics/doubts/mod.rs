@@ -40,8 +40,8 @@ const HARDLY_ANY_AGREE: f64 = 0.2;
 const UNEXPLAINED: &str = "no usual mistake explains that; check the order of images and poses, the calibration \
                            (`matchbench validate`), and the matches if they come from outside";
 /// ... and where none can be tried.
-const NOT_AT_HAND: &str = "which mistake explains that could be told if the dataset were where it was when it was run, \
-                           and unchanged";
+const NOT_AT_HAND: &str = "to find out which mistake explains that, put the dataset, unchanged, where the plan of the \
+                           run has it";
 
 /// The pairs of a dataset that have a confident pose, each with what of these poses agrees with the truth.
 type Judged = BTreeMap<(u32, u32), Agreement>;

@@ -223,8 +223,8 @@ impl Merging<'_> {
                     }
                     records.write(line)?;
                     merged.tasks += 1;
-                    merged.failed += u64::from(has_failed(&record));
-                    is_noted |= !has_failed(&record) || record.counts.selected > 0;
+                    merged.failed += u64::from(record.outcome.has_failed());
+                    is_noted |= !record.outcome.has_failed() || record.counts.selected > 0;
                     if let Some(file) = &mut shard.entries
                         && let Some(entry) = self.entry(index, files.matcher, file, &record)?
                     {
@@ -342,13 +342,9 @@ fn succeeded(path: PathBuf) -> Result<u64, StoreError> {
     let mut file = RecordFile::new(path);
     let mut number = 0;
     while let Some((_, record)) = file.next()? {
-        number += u64::from(!has_failed(&record));
+        number += u64::from(!record.outcome.has_failed());
     }
     Ok(number)
-}
-
-fn has_failed(record: &RunRecord) -> bool {
-    matches!(record.outcome, Outcome::Failed { .. })
 }
 
 /// Who is told of every pair.

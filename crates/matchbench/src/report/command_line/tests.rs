@@ -272,11 +272,9 @@ fn a_pair_is_drawn_with_the_settings_and_the_seed_of_the_run() {
         shown(1, 1),
         Some([r"matchbench show 'it'\''s'".into(), code])
     );
-    assert_eq!(
-        shown(2, 0),
-        None,
-        "matches from files are drawn by the report alone"
-    );
+    let files = "--matches loma=MATCHES/loma/room/a.npz --matches-format npz --pixel-center 0.5 --note device=cuda";
+    let files = format!("{files} --estimator best {rest}");
+    assert_eq!(shown(2, 0), Some(["matchbench show room".into(), files]));
     let mine = format!("--matcher mine.toml --estimator best --set mine.size=1024 {rest}");
     assert_eq!(shown(3, 0), Some(["matchbench show room".into(), mine]));
 }

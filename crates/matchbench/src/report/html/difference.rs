@@ -3,9 +3,10 @@
 use minijinja::{Value, context};
 
 use super::super::PairView;
+use super::super::advantage::advantage;
 use super::super::difference::{Duel, Twin};
 use super::super::numbers::NONE;
-use super::super::words::{advantage, outcome, sentence};
+use super::super::pair_words::{outcome, sentence};
 use super::pair_pages::{colours, facts, picture};
 use super::{environment, template};
 use crate::metrics::{Model, PairGeometry};

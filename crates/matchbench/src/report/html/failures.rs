@@ -5,7 +5,8 @@ use minijinja::{Value, context};
 use crate::metrics::{Failure, Summary};
 use crate::protocols::of_estimator;
 
-use super::super::words::{protocols, reason};
+use super::super::pair_words::reason;
+use super::super::score_words::protocols;
 use super::row;
 
 /// A column: its head, its number, and what it means.

@@ -8,7 +8,6 @@ use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::numbers::ratio;
 use super::super::overview::Overview;
-use super::super::words::method;
 use crate::metrics::{ResultSet, hard_pairs};
 
 /// Rows of the table, dataset by dataset. A pair that has pictures on a page of its own is linked, unless the
@@ -32,13 +31,9 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
                 .filter_map(|(set, right)| Some((set, right[0]?)))
                 .rev()
                 .max_by(|(_, one), (_, other)| one.total_cmp(other));
-            let best = best.filter(|(_, right)| *right > 0.0).map(|(set, right)| {
-                format!(
-                    "{} ({})",
-                    method(&set.matcher, &set.estimator),
-                    ratio(right)
-                )
-            });
+            let best = best
+                .filter(|(_, right)| *right > 0.0)
+                .map(|(set, right)| format!("{} ({})", set.method(), ratio(right)));
             let link = (hard.example)
                 .filter(|pair| !alone && pictured.contains(pair))
                 .map(|(a, b)| format!("pairs/{folder}/{a}-{b}.html"));

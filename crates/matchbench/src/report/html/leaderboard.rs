@@ -7,8 +7,8 @@ use super::super::figures::{lead_figure, sp_figure};
 use super::super::leaderboard::{Group, Leaderboard, Row};
 use super::super::numbers::{count, interval, ratio, score};
 use super::super::overview::Overview;
+use super::super::score_words::{definitions, protocol_notes};
 use super::super::svg::Target;
-use super::super::words::{definitions, protocol_notes};
 use super::{environment, legend, template};
 use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_scores};
 

@@ -34,6 +34,7 @@ use crate::metrics::{
     Angle, Detail, GROUP_LEVEL_NOTE, MIN_IMAGES, Model, Portion, ScoreKind, Summary, shown_scores,
 };
 
+use super::advantage::{leads_in_words, units};
 use super::again::Again;
 use super::by_estimator::estimator_figure;
 use super::content::Content;
@@ -43,8 +44,9 @@ use super::figures::{
 use super::method;
 use super::numbers::{self, interval};
 use super::overview::{Cell, Overview, Row, Subject};
+use super::score_words::definitions;
 use super::svg::{Target, data_url, legend_sample};
-use super::words::{definitions, leads_in_words, together, units};
+use super::words::together;
 
 /// The three errors of a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [

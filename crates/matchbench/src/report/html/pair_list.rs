@@ -14,8 +14,8 @@ use super::super::content::Content;
 use super::super::figures::is_measured;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
+use super::super::pair_words::{FAILURES, name, reason};
 use super::super::svg::{DISTANCES, Target, data_url, pair};
-use super::super::words::{FAILURES, name, reason};
 use super::Extent;
 
 /// Most pairs of a dataset that have pictures in the page.

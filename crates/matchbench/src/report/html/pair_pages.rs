@@ -14,11 +14,13 @@ use super::super::content::Content;
 use super::super::file_names::file_names;
 use super::super::numbers::short;
 use super::super::overview::Overview;
+use super::super::pair_words::sentence;
 use super::super::svg::{DISTANCES, Target, pair};
-use super::super::words::{method, sentence, together};
+use super::super::words::together;
 use super::super::{PairView, Tally};
 use super::warp::warp;
 use super::{environment, template};
+use crate::metrics::method;
 
 /// Most matches of a pair that are drawn.
 const MAX_MATCHES: usize = 120;

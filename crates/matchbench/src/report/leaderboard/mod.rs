@@ -174,7 +174,7 @@ fn group(key: Key, scored: Vec<Scored>, keys: &[Key]) -> Group {
     let mut rows: Vec<Row> = (content.summaries.iter().zip(sources))
         .map(|(summary, (matcher, source))| Row {
             rank: 0,
-            label: super::words::method(&summary.matcher, &summary.estimator),
+            label: crate::metrics::method(&summary.matcher, &summary.estimator),
             summary: Summary {
                 matcher,
                 ..summary.clone()

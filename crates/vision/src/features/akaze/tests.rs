@@ -1,5 +1,5 @@
 use super::*;
-use crate::features::covariance::{agreement, assert_odd_images_are_fine, blobs};
+use crate::features::extractor_tests::{agreement, assert_odd_images_are_fine, blobs};
 
 fn akaze() -> Akaze {
     Akaze::new(AkazeParams::default()).expect("the default is valid")

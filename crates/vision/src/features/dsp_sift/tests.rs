@@ -1,7 +1,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::*;
-use crate::features::covariance::{agreement, assert_odd_images_are_fine, blobs};
+use crate::features::extractor_tests::{agreement, assert_odd_images_are_fine, blobs};
 use crate::image::Image;
 use crate::seed::Seed;
 

@@ -330,7 +330,7 @@ impl Extractor for Kaze {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::covariance::{agreement, assert_odd_images_are_fine, blobs};
+    use crate::features::extractor_tests::{agreement, assert_odd_images_are_fine, blobs};
 
     fn kaze() -> Kaze {
         Kaze::new(KazeParams::default()).expect("the default is valid")

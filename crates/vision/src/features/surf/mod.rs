@@ -188,7 +188,7 @@ impl Extractor for Surf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::covariance::{assert_odd_images_are_fine, blobs};
+    use crate::features::extractor_tests::{assert_odd_images_are_fine, blobs};
     use crate::image::Size;
 
     fn surf(params: SurfParams) -> Surf {

@@ -79,6 +79,33 @@ mod tests {
     }
 
     #[test]
+    fn matches_that_leave_more_than_two_matrices_have_no_solution() {
+        let rotation = UnitQuaternion::from_euler_angles(0.1, -0.4, 0.2).to_rotation_matrix();
+        let plane = rotation.matrix() + Vector3::new(0.3, 0.1, -0.2) * Vector3::z().transpose();
+        for seed in 0..100 {
+            let mut rng = Seed(seed).rng();
+            let mut points = || -> [Point2<f64>; 7] {
+                std::array::from_fn(|_| Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5))
+            };
+            let (a, any) = (points(), points());
+            assert!(!seven_point(&a, &any).is_empty());
+            // The camera only turns, or all points lie on a plane.
+            for h in [rotation.matrix(), &plane] {
+                let b =
+                    a.map(|a| Point2::from_homogeneous(h * a.to_homogeneous()).expect("finite"));
+                assert!(seven_point(&a, &b).is_empty());
+            }
+            // All points lie on a line.
+            let on_line = |x: f64| Point2::new(x, 0.3 - 2.0 * x);
+            let (a_line, b_line) = (a.map(|p| on_line(p.x)), any.map(|p| on_line(p.y)));
+            assert!(seven_point(&a_line, &b_line).is_empty());
+            let (mut twice_a, mut twice_b) = (a, any);
+            (twice_a[5], twice_b[5]) = (a[2], any[2]);
+            assert!(seven_point(&twice_a, &twice_b).is_empty());
+        }
+    }
+
+    #[test]
     fn degenerate_matches_have_no_solution() {
         let same = [Point2::new(0.1, 0.2); 7];
         assert!(seven_point(&same, &same).is_empty());

@@ -1,0 +1,171 @@
+//! What Python asks of a run, as a [`Study`]: matchers and estimators given by name, as objects, from files or as code.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::mem;
+use std::path::PathBuf;
+
+use matchbench::config::Changes;
+use matchbench::matchers::BuiltPointSource;
+use matchbench::run::{Cancel, ContenderError};
+use matchbench::study::{MatchesFrom, News, Prepared, Study, StudyError};
+use pyo3::prelude::*;
+use serde_json::Value;
+
+use crate::callable::PythonMatcher;
+use crate::datasets::Dataset;
+use crate::errors::{error, value_error};
+use crate::estimators::Estimator;
+use crate::matchers::Matcher;
+
+/// A matcher of a run.
+#[derive(FromPyObject)]
+pub(crate) enum AnyMatcher<'py> {
+    /// A name, or the path of a manifest.
+    Name(String),
+    /// A matcher of the library.
+    Native(Bound<'py, Matcher>),
+    /// Written in Python: name, version, parameters as JSON, `match`, `extract`, whether images are in colour.
+    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>, bool),
+    /// From files: the fields of [`MatchesFrom`].
+    Files(
+        String,
+        Vec<PathBuf>,
+        Option<String>,
+        Option<f64>,
+        Option<[u32; 2]>,
+        bool,
+        BTreeMap<String, String>,
+    ),
+}
+
+/// An estimator of a run.
+#[derive(FromPyObject)]
+pub(crate) enum AnyEstimator<'py> {
+    /// A name.
+    Name(String),
+    /// An estimator with parameters.
+    Built(Bound<'py, Estimator>),
+}
+
+/// Adds the matchers to the study, and returns those that are written in Python.
+pub(crate) fn add_matchers(
+    study: &mut Study,
+    matchers: Vec<AnyMatcher<'_>>,
+    cancel: &Cancel,
+) -> PyResult<Vec<BuiltPointSource>> {
+    let mut sources = Vec::new();
+    for matcher in matchers {
+        match matcher {
+            AnyMatcher::Name(name) => study.matchers.push(name),
+            AnyMatcher::Native(matcher) => {
+                let built = matcher.get().built();
+                change(study, &built.id, &built.params)?;
+                study.matchers.push(built.id.clone());
+            }
+            AnyMatcher::Python(name, version, params, matching, extract, color) => {
+                let matcher = PythonMatcher {
+                    name,
+                    version,
+                    params,
+                    matching,
+                    extract,
+                    color,
+                };
+                sources.push(matcher.into_source(cancel)?);
+            }
+            AnyMatcher::Files(name, files, format, pixel_center, resized, verified, notes) => {
+                study.matches.push(MatchesFrom {
+                    name,
+                    files,
+                    format,
+                    pixel_center,
+                    resized,
+                    verified,
+                    notes,
+                });
+            }
+        }
+    }
+    Ok(sources)
+}
+
+/// Adds the estimators to the study.
+pub(crate) fn add_estimators(study: &mut Study, estimators: &[AnyEstimator<'_>]) -> PyResult<()> {
+    for estimator in estimators {
+        match estimator {
+            AnyEstimator::Name(id) => study.estimators.push(id.clone()),
+            AnyEstimator::Built(estimator) => {
+                let built = estimator.get().built();
+                change(study, &built.id, &built.params)?;
+                study.estimators.push(built.id.clone());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Gives the study the parameters of an object.
+///
+/// # Errors
+/// If they are set otherwise too: `settings` are for what is given by name.
+fn change(study: &mut Study, id: &str, params: &Value) -> PyResult<()> {
+    if study.set.of(id).is_some() {
+        let message = format!(
+            "`{id}` is an object with parameters of its own, which are set once more; give them in one place"
+        );
+        return Err(value_error(message));
+    }
+    let own = Changes::of_one(id, params.clone());
+    study.set = mem::take(&mut study.set).with(own);
+    Ok(())
+}
+
+/// Builds and starts what the study names, and reads matches from files. Also returns warnings: what looks wrong, and
+/// which matchers could not be started.
+pub(crate) fn prepare(
+    py: Python<'_>,
+    study: &Study,
+    datasets: &[Bound<'_, Dataset>],
+    sources: Vec<BuiltPointSource>,
+) -> PyResult<(Prepared, Vec<String>)> {
+    let datasets = datasets.iter().map(|dataset| dataset.get().inner.clone());
+    let datasets: Vec<_> = datasets.collect();
+    let mut warnings = Vec::new();
+    let prepared = py.detach(|| {
+        let told = RefCell::new(&mut warnings);
+        study.prepare_on(datasets, sources, &|news| {
+            warn(&news, &mut told.borrow_mut());
+        })
+    });
+    let prepared = prepared.map_err(refused)?;
+    warnings.extend(prepared.absent.iter().map(ToString::to_string));
+    Ok((prepared, warnings))
+}
+
+/// What a user should know of news.
+fn warn(news: &News<'_>, warnings: &mut Vec<String>) {
+    match news {
+        News::Imported(..) => {}
+        News::Problem(problem) => warnings.push(problem.error.to_string()),
+        News::Matches(name, source) => {
+            for (dataset, files) in source.datasets() {
+                let survey = files.survey();
+                let remarks = survey.remarks().into_iter();
+                let remarks = remarks.chain(survey.warnings.iter().cloned());
+                warnings.extend(remarks.map(|remark| format!("{name} on {dataset}: {remark}")));
+            }
+        }
+    }
+}
+
+/// The exception for a study that cannot be run.
+fn refused(broken: StudyError) -> PyErr {
+    use ContenderError::{Config, Name, TakesNoPart};
+    match broken {
+        StudyError::Contender(Config(_) | Name(_) | TakesNoPart(_)) | StudyError::Name { .. } => {
+            value_error(broken)
+        }
+        _ => error(broken),
+    }
+}
