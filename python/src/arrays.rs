@@ -393,6 +393,21 @@ fn flat<T: Element + Copy, D: Dimension>(array: &PyReadonlyArray<'_, T, D>) -> P
     Ok(values)
 }
 
+/// A few values, at most so many. A sequence may claim any length (`range(10**12)`), and room for all is asked for before
+/// they are read.
+pub(crate) fn few<'py, T: FromPyObjectOwned<'py>>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    most: usize,
+) -> PyResult<Vec<T>> {
+    let count = value.len()?;
+    if count > most {
+        let what = format!("{name}: {count} values, at most {most} are expected");
+        return Err(PyValueError::new_err(what));
+    }
+    value.extract()
+}
+
 /// An empty vector with room for so many values. An array may claim any number of values
 /// (`numpy.broadcast_to`), and an allocation that fails would end the process.
 fn room<T>(count: usize) -> PyResult<Vec<T>> {

@@ -24,10 +24,11 @@ use matchbench_vision::image::Size;
 use matchbench_vision::seed::Seed;
 use nalgebra::Point2;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::call::PyCallArgs;
 use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::{column, points};
+use crate::arrays::{column, few, points};
 use crate::datasets::{pixels, rgb_pixels};
 use crate::matchers::Matches;
 use crate::params::parse;
@@ -55,8 +56,15 @@ impl PythonMatcher {
     /// Makes a source of matches from it. An interrupt inside it sets `cancel`.
     ///
     /// # Errors
-    /// If its parameters are not valid JSON.
+    /// If its parameters are not valid JSON, or its version cannot be printed.
     pub(crate) fn into_source(self, cancel: &Cancel) -> PyResult<BuiltPointSource> {
+        if self.version.chars().any(char::is_control) {
+            let what = format!(
+                "version: {:?} has characters that cannot be printed",
+                self.version
+            );
+            return Err(PyValueError::new_err(what));
+        }
         Ok(BuiltPointSource {
             id: self.name,
             version: Some(self.version),
@@ -98,7 +106,7 @@ impl PointSource for InProcess {
         };
         Python::attach(|py| {
             let start = Instant::now();
-            let answer = self.matching.bind(py).call1((a, b));
+            let answer = called(self.matching.bind(py), (a, b));
             seconds.matching = Some(start.elapsed().as_secs_f64());
             let points = answer.and_then(|answer| matched_points(&answer));
             let points = points.map_err(|error| self.said(py, &error))?;
@@ -155,7 +163,7 @@ impl InProcess {
         let (pixels, size) = self.pixels(path)?;
         let features = Python::attach(|py| {
             let start = Instant::now();
-            let features = extract.bind(py).call1((pixels,));
+            let features = called(extract.bind(py), (pixels,));
             *seconds = Some(start.elapsed().as_secs_f64());
             let features = features.map_err(|error| self.said(py, &error))?;
             Ok::<_, SourceError>((features.clone().unbind(), features.unbind()))
@@ -178,6 +186,21 @@ impl InProcess {
         let place = last_place(py, error).map_or_else(String::new, |place| format!(" ({place})"));
         SourceError::Pair(format!("{error}{place}"))
     }
+}
+
+/// Calls code of the matcher. If it forks, the child that comes back here ends: it must not go on with the run, whose
+/// files and locks it has too.
+fn called<'py>(
+    code: &Bound<'py, PyAny>,
+    arguments: impl PyCallArgs<'py>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let process = std::process::id();
+    let answer = code.call1(arguments);
+    if std::process::id() != process {
+        // Not by `exit`, which would run what the parent has registered for its own end.
+        code.py().import("os")?.getattr("_exit")?.call1((1,))?;
+    }
+    answer
 }
 
 /// Refuses points outside their image, as for a matcher that is a program.
@@ -216,7 +239,7 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
         }
         return Ok(points);
     }
-    let parts: Option<Vec<Bound<'_, PyAny>>> = answer.extract().ok();
+    let parts: Option<Vec<Bound<'_, PyAny>>> = few(answer, "answer", 3).ok();
     let (a, b, ambiguity) = match parts.as_deref() {
         Some([a, b]) => (a, b, None),
         Some([a, b, ambiguity]) => (a, b, Some(ambiguity)),

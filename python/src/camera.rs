@@ -5,7 +5,7 @@ use matchbench_vision::geometry::{self, Distortion, Fisheye, Lens};
 use nalgebra::Matrix3;
 use pyo3::prelude::*;
 
-use crate::arrays::matrix_3x3;
+use crate::arrays::{few, matrix_3x3};
 use crate::errors::value_error;
 
 /// The origin of pixel coordinates: at the centre of the first pixel, or at its corner.
@@ -42,6 +42,9 @@ impl Origin {
     }
 }
 
+/// More numbers than any model of a camera has.
+const MOST_NUMBERS: usize = 16;
+
 /// A pinhole camera: `u = fx x + cx`, `v = fy y + cy` for the point (x, y) at depth 1, after lens distortion (k1, k2,
 /// p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's module of this name). `origin`
 /// says where the origin of (cx, cy) is: at the centre of the first pixel ("center": OpenCV, and everywhere here) or at
@@ -61,11 +64,14 @@ impl Camera {
         fy: f64,
         cx: f64,
         cy: f64,
-        distortion: Option<Vec<f64>>,
+        distortion: Option<Bound<'_, PyAny>>,
         fisheye: Option<[f64; 4]>,
         origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
+        let distortion: Option<Vec<f64>> = (distortion.as_ref())
+            .map(|given| few(given, "distortion", MOST_NUMBERS))
+            .transpose()?;
         let lens = match (distortion.as_deref(), fisheye) {
             (None, None) => None,
             (Some(&[k1, k2, p1, p2]), None) => Some(brown([k1, k2, p1, p2, 0.0])),
@@ -89,7 +95,7 @@ impl Camera {
     #[pyo3(signature = (matrix, distortion=None, fisheye=None, *, origin="center"))]
     fn from_matrix(
         matrix: &Bound<'_, PyAny>,
-        distortion: Option<Vec<f64>>,
+        distortion: Option<Bound<'_, PyAny>>,
         fisheye: Option<[f64; 4]>,
         origin: &str,
     ) -> PyResult<Self> {
@@ -103,7 +109,8 @@ impl Camera {
     /// OPENCV, OPENCV_FISHEYE, or FULL_OPENCV where k4, k5 and k6 are 0.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
-    fn from_model(model: &str, params: Vec<f64>, origin: &str) -> PyResult<Self> {
+    fn from_model(model: &str, params: &Bound<'_, PyAny>, origin: &str) -> PyResult<Self> {
+        let params: Vec<f64> = few(params, "params", MOST_NUMBERS)?;
         let shift = Origin::parse(origin)?.shift();
         let given = camera_of_model(model, &params).map_err(value_error)?;
         let geometry::Camera { fx, fy, cx, cy, .. } = given;

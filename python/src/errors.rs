@@ -5,6 +5,7 @@
 
 use std::fmt::Display;
 
+use matchbench_cli::plain;
 use pyo3::PyErr;
 use pyo3::exceptions::{PyException, PyValueError};
 
@@ -23,10 +24,10 @@ pyo3::create_exception!(
 
 /// The error for an argument with a value that is not allowed.
 pub(crate) fn value_error(error: impl Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    PyValueError::new_err(plain(&error.to_string()))
 }
 
 /// The error for a problem outside the arguments.
 pub(crate) fn error(error: impl Display) -> PyErr {
-    Error::new_err(error.to_string())
+    Error::new_err(plain(&error.to_string()))
 }

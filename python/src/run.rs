@@ -15,6 +15,7 @@ use matchbench::external;
 use matchbench::records::{KeepMatches, RunFolder};
 use matchbench::run::{Cancel, Run, RunSummary, pair_seed as seed_of_pair};
 use matchbench::study::Study;
+use matchbench_cli::plain;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
@@ -99,6 +100,7 @@ pub(crate) fn run(
         let message = "a matcher stopped the run; the same call goes on from there";
         return Err(PyRuntimeError::new_err(message));
     }
+    let warnings = warnings.iter().map(|warning| plain(warning)).collect();
     Ok(((total, before, now, failed), warnings))
 }
 

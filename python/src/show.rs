@@ -5,6 +5,7 @@ use matchbench::files::TemporaryFolder;
 use matchbench::run::Cancel;
 use matchbench::show::Shown;
 use matchbench::study::Study;
+use matchbench_cli::plain;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -46,5 +47,6 @@ pub(crate) fn show<'py>(
         let shown = shown.map_err(|broken| broken.to_string())?;
         shown.png().map_err(|broken| broken.to_string())
     })?;
+    let warnings = warnings.iter().map(|warning| plain(warning)).collect();
     Ok((PyBytes::new(py, &png.map_err(error)?), warnings))
 }

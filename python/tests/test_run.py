@@ -415,6 +415,81 @@ def test_parameters_are_given_in_one_place(dataset, tmp_path):
             mb.run(dataset, matcher, estimator, out=tmp_path / "run", settings=setting, progress=False)
 
 
+def test_what_python_code_must_not_do_is_refused_or_fails_its_pairs(dataset, tmp_path):
+    def start(matcher, out, **options):
+        return mb.run(dataset, ["orb", matcher], ["best"], out=tmp_path / out, limit=1, progress=False, **options)
+
+    def sift(a, b):
+        return np.empty((0, 2)), np.empty((0, 2))
+
+    with pytest.raises(mb.Error, match="`sift` is the name of something built in"):
+        start(sift, "forged")  # it would be the baseline of the tables
+    assert not (tmp_path / "forged" / "plan.json").exists()
+
+    def painted(a, b):
+        raise RuntimeError("\x1b[31mred\u202e")
+
+    with pytest.warns(UserWarning) as said:
+        start(painted, "painted")
+    words = "".join(str(warning.message) for warning in said)
+    assert "\\u001b[31mred\\u202e" in words and "\x1b" not in words
+    painted.version = "\x1b[31m1"
+    with pytest.raises(ValueError, match="version: .* cannot be printed"):
+        start(painted, "version")
+
+    def endless(a, b):
+        return range(10**12)
+
+    with pytest.warns(UserWarning, match="a matcher returns"):
+        assert start(endless, "endless").failed == 1
+    with pytest.raises(ValueError, match="distortion: 1000000000000 values"):
+        mb.Camera(1, 1, 1, 1, range(10**12))
+
+    def gone(a, b):
+        shutil.rmtree(tmp_path / "gone")
+        return by_orb(a, b)
+
+    with pytest.raises(mb.Error, match="removed while it ran"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        start(gone, "gone")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_child_that_a_matcher_forks_does_not_go_on_with_the_run(dataset, tmp_path):
+    script = f"""
+import os, sys
+import matchbench as mb
+import numpy as np
+def forking(a, b):
+    if os.fork():
+        os.wait()
+    points = np.random.default_rng(0).uniform(10, 200, (40, 2))
+    return points, points
+dataset = mb.Dataset.open({str(dataset.path)!r})
+run = mb.run(dataset, forking, ["best"], out={str(tmp_path / "run")!r}, threads=1, progress=False)
+print(run.now)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "3\n", done.stderr
+    (records,) = (tmp_path / "run" / "records").glob("*/forking+best.jsonl")
+    assert len(records.read_text().splitlines()) == 3
+
+
+def test_nothing_is_written_over_a_run_or_a_dataset(dataset, command_line_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(command_line_run, run)
+    for target in (run / "plan.json", *run.glob("records/*/orb+best.jsonl"), dataset.path / "pairs.txt"):
+        before = target.read_bytes()
+        with pytest.raises(mb.Error, match="it belongs to the (run|dataset)"):
+            mb.report(run, bundle=target)
+        done = command("eval", run, "--out", target)
+        assert done.returncode == 1 and "choose another" in done.stderr
+        assert target.read_bytes() == before
+    with pytest.raises(mb.Error, match="it belongs to the run"):
+        mb.report(run, out=run / "records")
+    assert mb.report(run, bundle=run / "report.html").is_file()
+
+
 def test_a_manifest_beside_a_name(dataset, tmp_path):
     manifest = tmp_path / "absent.toml"
     manifest.write_text('name = "absent"\nsummary = "a program that is not there"\nreference = ""\ncommand = ["./none"]\n')

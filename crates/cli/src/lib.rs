@@ -23,6 +23,8 @@ use matchbench::memory::STACK;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use args::{Cli, Command};
+pub use output::plain;
+
 use output::say;
 use stop::STOPPED;
 use threads::Threads;

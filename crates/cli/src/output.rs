@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use matchbench::files::write_whole;
-use matchbench::report::shell_word;
+use matchbench::report::{check_target, shell_word};
 
 /// Longest word that a message repeats, in characters.
 const LONGEST_WORD: usize = 300;
@@ -26,12 +26,14 @@ pub(crate) fn say_line(what: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// Writes a result to a file, completely, or to standard output if the file is called `-` or `/dev/stdout`.
+/// Writes a result to a file, completely, which is none of a run or of a dataset, or to standard output if the file is called `-` or `/dev/stdout`.
 pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if is_standard_output(path) {
         let mut out = io::stdout();
-        return out.write_all(bytes).and_then(|()| out.flush());
+        let written = out.write_all(bytes).and_then(|()| out.flush());
+        return written.map_err(of_standard_output);
     }
+    check_target(path)?;
     write_whole(path, bytes)
 }
 
@@ -40,17 +42,25 @@ pub(crate) fn stdout() -> impl Write {
     Harmless(io::stdout())
 }
 
+/// The error with the place that it is about; a reader that left is told from it.
+fn of_standard_output(error: io::Error) -> io::Error {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe => error,
+        kind => io::Error::new(kind, format!("standard output: {error}")),
+    }
+}
+
 struct Harmless(io::Stdout);
 
 impl Write for Harmless {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(bytes);
-        self.0.write_all(harmless(&text).as_bytes())?;
+        (self.0.write_all(harmless(&text).as_bytes())).map_err(of_standard_output)?;
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()
+        self.0.flush().map_err(of_standard_output)
     }
 }
 
@@ -82,7 +92,7 @@ pub(crate) fn harmless(text: &str) -> String {
 }
 
 /// The same, with very long words shortened: messages repeat parts of files, and these may hold anything.
-pub(crate) fn plain(text: &str) -> String {
+pub fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len().min(1 << 16));
     for part in text.split_inclusive(['\n', ' ']) {
         let kept = part.char_indices().nth(LONGEST_WORD);

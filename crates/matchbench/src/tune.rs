@@ -131,7 +131,7 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
     }
     let (id, changes) = ([id.to_owned()], tuning.changes);
     let outside = Outside {
-        logs: &tuning.folder.join("logs"),
+        logs: &RunFolder::logs_at(tuning.folder),
         cache: tuning.cache,
     };
     // If one of them were missing, the mean would be over fewer matchers.

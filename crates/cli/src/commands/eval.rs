@@ -19,7 +19,7 @@ use matchbench::report::{
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
-use crate::output::{harmless, say, typed, write_result};
+use crate::output::{harmless, say, stdout, typed, write_result};
 
 pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
@@ -53,9 +53,10 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
         }
         (None, None) => unreachable!("one of the two is required"),
     };
+    let mut out = stdout();
     match &args.out {
         Some(path) => write_result(path, text.as_bytes())?,
-        None => std::io::stdout().write_all(harmless(&text).as_bytes())?,
+        None => out.write_all(text.as_bytes()).and_then(|()| out.flush())?,
     }
     Ok(Ending::Done)
 }

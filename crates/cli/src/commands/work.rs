@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use matchbench::datasets::Unpaired;
 use matchbench::protocols;
-use matchbench::records::ShardPlan;
+use matchbench::records::{RunFolder, ShardPlan};
 use matchbench::run::{Contender, Dataset, Outside, Run, Shard};
 use matchbench::study::{MatchesFrom, sources_as_planned};
 
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
         .context("matches from files are not as planned; say where they are with --matches")?;
     let cache = cache(Some(&features), &folder);
     let outside = Outside {
-        logs: &folder.join("logs"),
+        logs: &RunFolder::logs_at(&folder),
         cache: &cache,
     };
     let changes = changes(&asked.settings)?;

@@ -17,9 +17,7 @@
 //! damaged or truncated file is an error, and never gives half an image.
 
 use std::io::{BufRead, BufReader, Cursor, Seek};
-use std::num::NonZeroUsize;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use matchbench_vision::image::{GrayImage, Size};
@@ -29,13 +27,11 @@ use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
 use super::DatasetError;
+use super::decode_error::{DecodeError, MAX_SIDE, check_size};
 use super::jpeg::{self, JpegError};
 use crate::files::{open_file, read_file};
-use crate::memory::{TooMuch, reserve};
+use crate::memory::reserve;
 
-/// Most pixels that an image may have unless another limit is set, 2^27 (e.g. 11,585 x 11,585). A file that
-/// claims more has a damaged header or is an attack, and no memory is allocated for it.
-pub const MAX_PIXELS: usize = 1 << 27;
 /// Most bytes that a decoder may allocate besides the pixels: for colour profiles, comments, and rows of its
 /// own.
 const BESIDE_PIXELS: u64 = 64 << 20;
@@ -44,8 +40,6 @@ const BESIDE_PIXELS: u64 = 64 << 20;
 const JPEG_BYTES: usize = 9;
 /// Bytes per pixel for red, green and blue, both interleaved and as planes.
 pub(super) const COLOUR_BYTES: usize = 6;
-/// Longest side of an image; the most that JPEG can say.
-const MAX_SIDE: usize = 65_535;
 pub(super) const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
 
 /// A fixed-point mean of red, green and blue: `(w . rgb + half) >> bits`.
@@ -78,47 +72,6 @@ const IMGCODECS: GrayRule = GrayRule {
     half: 1 << 13,
     bits: 14,
 };
-
-/// Why bytes are not an image.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum DecodeError {
-    /// The format is not one of those supported.
-    #[error("not an image of a known format (png, jpeg, bmp, tiff, webp, pgm, ppm)")]
-    UnknownFormat,
-    /// The file ends too early.
-    #[error("the image is truncated")]
-    Truncated,
-    /// The decoder found something that must not be there.
-    #[error("the image is damaged: {0}")]
-    Damaged(String),
-    /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
-    #[error("unsupported pixels: {0}")]
-    Unsupported(String),
-    /// More pixels than are allowed, in total or on a side.
-    #[error("an image of {0} pixels, more than the limit of {limit} in all or of {MAX_SIDE} on a side", limit = most_pixels())]
-    TooLarge(Size),
-    /// There is not enough memory to decode it.
-    #[error("it has {0} pixels, for which {1}")]
-    NoMemory(Size, TooMuch),
-}
-
-impl DecodeError {
-    fn remedy(&self) -> &'static str {
-        match self {
-            Self::UnknownFormat => "convert it to png",
-            Self::Truncated | Self::Damaged(_) => "copy or download the file again",
-            Self::Unsupported(_) => "convert it to 8-bit gray or colour",
-            Self::TooLarge(_) => {
-                "check the file, scale the image down, or raise MATCHBENCH_MAX_PIXELS"
-            }
-            Self::NoMemory(..) => "scale the image down, or set MATCHBENCH_MAX_MEMORY",
-        }
-    }
-
-    pub(super) fn in_file(&self, path: &Path) -> DatasetError {
-        DatasetError::new(path, self.to_string(), self.remedy())
-    }
-}
 
 /// Reads and decodes the image at `path`.
 ///
@@ -331,33 +284,6 @@ fn other_error(error: &image::ImageError) -> DecodeError {
         }
         other => DecodeError::Damaged(other.to_string()),
     }
-}
-
-/// The limit that was set; 0 if none was.
-static ASKED: AtomicUsize = AtomicUsize::new(0);
-
-/// Sets the largest number of pixels of an image, from now on and in all threads. Without this call the limit
-/// is [`MAX_PIXELS`].
-pub fn limit_pixels(most: NonZeroUsize) {
-    ASKED.store(most.get(), Ordering::Relaxed);
-}
-
-fn most_pixels() -> usize {
-    match ASKED.load(Ordering::Relaxed) {
-        0 => MAX_PIXELS,
-        asked => asked,
-    }
-}
-
-/// Returns the size if an image may have it.
-///
-/// # Errors
-/// If it has more pixels than are allowed, in total or on a side.
-pub fn check_size(size: Size) -> Result<Size, DecodeError> {
-    if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > most_pixels() {
-        return Err(DecodeError::TooLarge(size));
-    }
-    Ok(size)
 }
 
 /// Converts `channels` interleaved 8- or 16-bit values per pixel to grey. Alpha is the last channel and is

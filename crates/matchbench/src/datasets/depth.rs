@@ -17,6 +17,7 @@
 //! *Choice*: between pixels, depth is interpolated if the four pixels around belong to one surface (see
 //! [`SMOOTH`]). Otherwise the depth of the nearest pixel is taken.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use blake3::Hash;
@@ -60,12 +61,14 @@ impl DepthUnit {
 
     /// Says why depth cannot be stored in this way, if it cannot.
     pub(super) fn check(self) -> Result<(), String> {
+        // Lengths of stored values must be numbers of single precision, which depth is kept in.
+        const SOUND: RangeInclusive<f64> = 1e-30..=1e30;
         let per_unit = self.per_unit;
-        if per_unit.is_finite() && per_unit > 0.0 {
+        if SOUND.contains(&per_unit) {
             return Ok(());
         }
         Err(format!(
-            "`per_unit` of depth is {per_unit}; it is greater than 0"
+            "`per_unit` of depth is {per_unit:e}; it is from 1e-30 to 1e30"
         ))
     }
 }

@@ -9,6 +9,7 @@ mod camera_model;
 mod cameras;
 mod colour;
 mod decode;
+mod decode_error;
 mod depth;
 mod error;
 mod exif;
@@ -24,6 +25,7 @@ mod native;
 mod pair_list;
 mod pair_poses;
 mod pairs;
+mod parts;
 mod problem;
 pub mod rendered;
 mod sequence;
@@ -39,10 +41,8 @@ mod write;
 pub use camera_model::{CameraModelError, camera_of_model};
 pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
-pub use decode::{
-    DecodeError, MAX_PIXELS, check_size, decode_gray, gray_of_rgb, limit_pixels, read_gray,
-    read_size,
-};
+pub use decode::{decode_gray, gray_of_rgb, read_gray, read_size};
+pub use decode_error::{DecodeError, MAX_PIXELS, check_size, limit_pixels};
 pub use depth::{Depth, DepthFile, DepthUnit};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
@@ -56,6 +56,7 @@ pub(crate) use names::{ImageNames, Named};
 pub use native::{Unpaired, read_dataset_pairs, read_pairs, read_poses_of_pairs};
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, relative_pose};
+pub use parts::dataset_of_part;
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};
 pub use stored_depth::decode_depth;

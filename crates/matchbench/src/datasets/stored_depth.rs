@@ -5,7 +5,8 @@ use std::path::Path;
 use image::DynamicImage;
 use matchbench_vision::image::{Image, Size};
 
-use super::decode::{DecodeError, check_size, with_other};
+use super::decode::with_other;
+use super::decode_error::{DecodeError, check_size};
 use super::{DatasetError, Turn};
 use crate::arrays::Hdf5;
 use crate::memory::reserve;
@@ -95,10 +96,7 @@ impl StoredDepth {
 pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
     with_other(bytes, 0, |size, image, _| match image {
         DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
-        other => Err(DecodeError::Unsupported(format!(
-            "{:?}, and depth is one 16-bit value for each pixel",
-            other.color()
-        ))),
+        other => Err(DecodeError::NoDepth(format!("{:?}", other.color()))),
     })
 }
 

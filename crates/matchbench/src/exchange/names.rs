@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::datasets::{Frame, ImageNames, Named, Sequence};
 
+/// Longest path of an image in a file of matches, in bytes.
+const MAX_PATH: usize = 4096;
+
 /// What a file calls a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PairName {
@@ -101,6 +104,8 @@ impl Names {
         match name {
             PairName::Frames(a, b) => Ok(((*a).max(*b) < self.count).then_some((*a, *b))),
             PairName::Two(a, b) => Ok(self.frame(a, by).zip(self.frame(b, by))),
+            // Every split is looked up, and no two paths are longer.
+            PairName::Joined(name, _) if name.len() > 2 * MAX_PATH => Ok(None),
             PairName::Joined(name, separator) => {
                 let mut splits = name.match_indices(*separator).filter_map(|(at, found)| {
                     let a = self.frame(&name[..at], by)?;
@@ -131,6 +136,7 @@ impl Names {
         match name {
             PairName::Frames(..) => None,
             PairName::Two(a, b) => of_both([a, b]),
+            PairName::Joined(name, _) if name.len() > 2 * MAX_PATH => None,
             PairName::Joined(name, separator) => (name.match_indices(*separator))
                 .find_map(|(at, found)| of_both([&name[..at], &name[at + found.len()..]])),
         }

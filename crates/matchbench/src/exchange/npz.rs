@@ -120,6 +120,13 @@ impl Source for Npz {
         let mut file = arrays::Npz::open(path)?.with_arrays_of(MAX_MATCHES * POINT);
         let names = names_in(&file.names()).unwrap_or(&NAMES[0]);
         let [a, b] = names.points.map(|name| file.array(name));
+        // Which image of a batch each row is of: a file is of one pair.
+        if let Some(batch) = file.find("batch_indexes")?
+            && (1..batch.len()).any(|row| batch.get(row) != batch.get(0))
+        {
+            let what = "its `batch_indexes` are of several pairs; write a file for each pair";
+            return Err(ExchangeError::damaged(path, what.to_owned()));
+        }
         let mut score = None;
         for name in names.scores {
             score = score.or(file.find(name)?);
@@ -241,7 +248,10 @@ mod tests {
         for other in ["matches0", "matches", "descriptors0", "scores0"] {
             assert!(read(&[a, b, (other, &[3])]).is_none(), "{other}");
         }
-        assert!(read(&[a, b, ("batch_indexes", &[3])]).is_some());
+        let batch = |count| read(&[a, b, ("batch_indexes", &[count])]).expect("the names");
+        assert!(batch(1).is_ok());
+        let error = batch(3).expect_err("rows of three pairs");
+        assert!(error.contains("of several pairs"), "{error}");
         assert!(read(&[a, b, ("scores", &[3]), ("confidence", &[3])]).is_none());
         let error = read(&[a, ("keypoints1", &[4, 2])])
             .expect("the names")

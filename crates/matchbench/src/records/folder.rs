@@ -39,7 +39,8 @@ use super::growth::difference;
 use super::images::ImageNotes;
 use super::store::RecordWriter;
 use super::{
-    FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, matches, store,
+    FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, images, matches,
+    store,
 };
 use crate::files::{
     link_in, make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
@@ -51,6 +52,8 @@ const TUNING: &str = "tuning.json";
 const TUNED: &str = "tuned.json";
 const CACHE: &str = "cache";
 const REPORT: &str = "report";
+const LOGS: &str = "logs";
+const LOCK: &str = ".lock";
 
 /// The folder of a run, to be read.
 #[derive(Clone, Debug)]
@@ -281,6 +284,11 @@ impl RunFolder {
         folder.join(CACHE)
     }
 
+    /// Where matchers from outside leave what they print, of a run in a folder that need not be there yet.
+    pub fn logs_at(folder: &Path) -> PathBuf {
+        folder.join(LOGS)
+    }
+
     /// Where the report is written unless another place is asked for.
     pub fn default_report(&self) -> PathBuf {
         self.path.join(REPORT)
@@ -290,6 +298,34 @@ impl RunFolder {
     pub fn tuned_file(&self) -> PathBuf {
         self.path.join(TUNED)
     }
+}
+
+/// The names in the folder of a run, or of a plan of shards, that belong to it. Beside them others may keep files.
+const PARTS: [&str; 12] = [
+    PLAN,
+    TUNING,
+    TUNED,
+    CACHE,
+    LOCK,
+    LOGS,
+    store::FOLDER,
+    matches::FOLDER,
+    matches::INLIERS,
+    images::FOLDER,
+    images::DEPTH,
+    "shards",
+];
+
+/// The folder of the run, or of the plan of shards, that a file is a part of: its plan, records, matches ...; not its
+/// report. `file` is absolute and without links.
+pub fn run_of_part(file: &Path) -> Option<&Path> {
+    file.ancestors().skip(1).find(|folder| {
+        let part = file
+            .strip_prefix(folder)
+            .ok()
+            .and_then(|inner| inner.iter().next());
+        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && RunFolder::is_at(folder)
+    })
 }
 
 /// The folder of a run that this process writes into, as long as this value lives.
@@ -408,7 +444,7 @@ struct Locks {
 }
 
 fn lock(folder: &Path) -> Result<Locks, FolderError> {
-    let path = folder.join(".lock");
+    let path = folder.join(LOCK);
     if let Ok(there) = fs::metadata(&path) {
         regular(&there).map_err(FolderError::io("lock", &path))?;
     }

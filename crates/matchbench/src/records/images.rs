@@ -19,10 +19,10 @@ use super::FolderError;
 use crate::files::{Appender, read_file, read_text};
 
 /// The folder of these files within the folder of a run.
-const FOLDER: &str = "images";
+pub(super) const FOLDER: &str = "images";
 
 /// That of the files of depth.
-const DEPTH: &str = "depth";
+pub(super) const DEPTH: &str = "depth";
 
 /// The images of one dataset that a run has used, or the depth of these.
 #[derive(Debug)]

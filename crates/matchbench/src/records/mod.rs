@@ -20,7 +20,7 @@ mod tuned;
 
 pub use broken::BrokenTasks;
 pub use error::FolderError;
-pub use folder::{RunFolder, RunWriter};
+pub use folder::{RunFolder, RunWriter, run_of_part};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
 pub use plan::{

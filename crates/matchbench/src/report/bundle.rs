@@ -12,6 +12,7 @@ use super::again::Again;
 use super::content::Content;
 use super::html::{Extent, render_extent};
 use super::pair_table::columns;
+use super::target::check_target;
 use super::{Format, booktabs, citations, method, pairs_csv, render};
 
 /// Most bytes of the file.
@@ -20,8 +21,9 @@ pub const MAX_BUNDLED: usize = 5_000_000;
 /// Writes the file and returns its path.
 ///
 /// # Errors
-/// If the file cannot be written, or if scores and figures alone are too large.
+/// If the file cannot be written or belongs to a run or a dataset, or if scores and figures alone are too large.
 pub fn write_bundle(file: &Path, content: &Content) -> io::Result<PathBuf> {
+    check_target(file)?;
     write_whole(file, bundled(content)?.as_bytes())?;
     Ok(file.to_path_buf())
 }

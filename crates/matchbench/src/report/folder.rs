@@ -28,6 +28,7 @@ use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Target;
+use super::target::check_target;
 use super::{
     Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
 };
@@ -124,9 +125,11 @@ pub(super) struct Pages<'a> {
 }
 
 impl<'a> Pages<'a> {
-    /// Refuses a folder whose page is not a report, since that page would be overwritten.
+    /// Refuses a folder whose page is not a report, since that page would be overwritten, or one that belongs to a run
+    /// or a dataset.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let page = folder.join("index.html");
+        check_target(&page)?;
         let is_other = |page: String| !page.contains(OF_REPORT) && !page.contains(OF_PAPER);
         if !folder.join(LIST).exists() && read_text(&page).is_ok_and(is_other) {
             return Err(io::Error::new(

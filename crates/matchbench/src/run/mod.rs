@@ -53,6 +53,7 @@ pub use seeds::{estimation_seed, pair_seed, selection_seed};
 pub use shards::{Shard, images_of_one, plan_shards};
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -259,6 +260,12 @@ impl Run<'_> {
                 }
                 done => done?,
             }
+        }
+        // Files that are open are written to even if nobody can find them any more.
+        if !RunFolder::is_at(self.folder) {
+            let what = "the folder of the run was removed while it ran, and its records with it; run it again";
+            let what = format!("{}: {what}", self.folder.display());
+            return Err(io::Error::new(io::ErrorKind::NotFound, what).into());
         }
         Ok(summary)
     }

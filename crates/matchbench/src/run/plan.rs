@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Contender, Dataset, RunError};
+use super::{Contender, Dataset, RunError, built_in};
 use crate::counted::counted;
 use crate::datasets::{Pair, Sequence};
 use crate::estimators::Estimator;
@@ -15,7 +15,8 @@ use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Sett
 ///
 /// # Errors
 /// [`RunError::Contradiction`] if two datasets, matchers or estimators of a matcher have one name, a
-/// name cannot be that of a file, that of a matcher has a `+`, a matcher has no estimator, a pair names a
+/// name cannot be that of a file, that of a matcher has a `+`, a matcher from outside is called as what is built in, a
+/// matcher has no estimator, a pair names a
 /// frame that is not there, matches from outside would be those of images that the dataset turns, or a pair
 /// lacks the truth that an estimator is judged by.
 pub fn plan(
@@ -36,6 +37,11 @@ pub fn plan(
         if id.contains('+') {
             return contradiction(format!(
                 "`{id}` cannot be the name of a matcher: in names of files a + stands before the estimator"
+            ));
+        }
+        if contender.source.matcher().is_none() && built_in().takes(id) {
+            return contradiction(format!(
+                "`{id}` is the name of something built in, which a matcher from outside cannot have; choose another"
             ));
         }
         if contender.estimators.is_empty() {

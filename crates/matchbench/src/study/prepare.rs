@@ -165,7 +165,7 @@ impl Study {
         let cache = (self.cache.clone()).unwrap_or_else(|| RunFolder::default_cache_at(folder));
         let cache = FeatureCache::new(cache);
         let outside = Outside {
-            logs: &folder.join("logs"),
+            logs: &RunFolder::logs_at(folder),
             cache: &cache,
         };
         let (contenders, absent) = Contender::from_names(

@@ -11,8 +11,10 @@
 use std::path::Path;
 
 use matchbench_vision::geometry::{Camera, Distortion, Lens};
+use matchbench_vision::image::Size;
 use nalgebra::Isometry3;
 
+use super::list::check_camera_size;
 use super::{ImportOptions, Imported, base_name, images_left_out, list};
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::trajectory::TimedPose;
@@ -30,7 +32,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     };
     let name = options.sensor_in(&folder, &SENSORS)?;
     let sensor = folder.join(name);
-    let (camera, body_from_camera) = sensor_of(&TextFile::read(&sensor.join("sensor.yaml"))?)?;
+    let about = TextFile::read(&sensor.join("sensor.yaml"))?;
+    let (camera, body_from_camera) = sensor_of(&about)?;
+    let resolution = resolution_of(&about)?;
     let states = folder.join("state_groundtruth_estimate0").join("data.csv");
     let trajectory = trajectory(&TextFile::read(&states)?)?;
     let association = options.association()?;
@@ -51,6 +55,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                 world_from_body * body_from_camera,
             )),
         }
+    }
+    if let Some(size) = resolution
+        && let Some(frame) = frames.iter().find(|frame| frame.image.is_file())
+    {
+        let fail = |what| about.error(what, "give the calibration of these images");
+        check_camera_size(&frame.image, size, name, fail)?;
     }
     let without = format!("without a state within {} s", association.tolerance);
     Ok(Imported {
@@ -99,6 +109,14 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     let pose: [f64; 16] = bracketed(file.text(), "T_BS:").map_err(fail)?;
     let [fx, fy, cx, cy] = bracketed(file.text(), "intrinsics:").map_err(fail)?;
     let [k1, k2, p1, p2] = bracketed(file.text(), "distortion_coefficients:").map_err(fail)?;
+    if let Some(model) = value_of(file.text(), "camera_model:")
+        && model != "pinhole"
+    {
+        let model = text::brief(model);
+        return Err(fail(format!(
+            "the camera_model is {model}, and not pinhole"
+        )));
+    }
     if !file.text().contains("radial-tangential") && !file.text().contains("radtan") {
         return Err(fail(
             "the distortion_model is not radial-tangential".to_owned(),
@@ -119,8 +137,40 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     Ok((camera, text::rigid_motion_4x4(&pose).map_err(fail)?))
 }
 
-/// The `N` numbers in the first square brackets after `key`.
+/// The size of the images, if the file has it.
+fn resolution_of(file: &TextFile) -> Result<Option<Size>, DatasetError> {
+    const KEY: &str = "resolution:";
+    let fail = |what: String| file.error(what, "give the sensor.yaml of a camera of EuRoC");
+    if value_of(file.text(), KEY).is_none() {
+        return Ok(None);
+    }
+    let sides: [f64; 2] = bracketed(file.text(), KEY).map_err(fail)?;
+    if sides
+        .iter()
+        .any(|side| !(1.0..=1e6).contains(side) || side.fract() != 0.0)
+    {
+        return Err(fail(format!("{KEY} {sides:?} is no width and height")));
+    }
+    let [width, height] = sides.map(|side| side as usize);
+    Ok(Some(Size::new(width, height)))
+}
+
+/// What stands behind `key` at the beginning of a line, without a comment.
+fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
+    let value = text
+        .lines()
+        .find_map(|line| line.trim_start().strip_prefix(key))?;
+    Some(value.split('#').next().unwrap_or_default().trim())
+}
+
+/// The `N` numbers in the first square brackets after `key`, which is there once.
 fn bracketed<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
+    let lines = text
+        .lines()
+        .filter(|line| line.trim_start().starts_with(key));
+    if lines.count() > 1 {
+        return Err(format!("`{key}` is there twice"));
+    }
     let inside = (text.split_once(key))
         .and_then(|(_, rest)| rest.split_once('['))
         .and_then(|(_, rest)| rest.split_once(']'));
@@ -174,5 +224,53 @@ mod tests {
         assert_eq!(frame.world_from_camera.unwrap().translation.x, 1.11);
         let error = with(Some("cam2")).unwrap_err().to_string();
         assert!(error.ends_with("use one of cam0, cam1"), "{error}");
+    }
+
+    #[test]
+    fn a_calibration_of_other_cameras_or_images_is_refused() {
+        let sound = "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\ncamera_model: pinhole # as all\n\
+             intrinsics: [20, 20, 12, 8]\nresolution: [24, 17]\ndistortion_model: radial-tangential\n\
+             distortion_coefficients: [0.1, 0, 0, 0]\n";
+        let read = |from: &str, to: &str| {
+            let about = sound.replacen(from, to, 1);
+            let files = [
+                ("cam0/sensor.yaml", &*about),
+                ("cam0/data.csv", "1000000000,a.png\n"),
+                ("cam0/data/a.png", ""),
+                (
+                    "state_groundtruth_estimate0/data.csv",
+                    "1000000000,1,2,3,1,0,0,0\n",
+                ),
+            ];
+            let (_folder, src) = source("V1_01", &files);
+            let found = read_source("euroc", &src, &ImportOptions::default());
+            found.map(drop).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("", ""), Ok(()));
+        assert_eq!(read("resolution: [24, 17]\n", ""), Ok(()));
+        for (from, to, words) in [
+            (
+                "pinhole",
+                "omni",
+                "the camera_model is omni, and not pinhole",
+            ),
+            (
+                "[24, 17]",
+                "[48, 34]",
+                "cam0 is for 48x34 pixels, its image has 24x17",
+            ),
+            ("[24, 17]", "[24, 0.5]", "is no width and height"),
+            (
+                "intrinsics: ",
+                "intrinsics: [1, 1, 1, 1]\nintrinsics: ",
+                "`intrinsics:` is there twice",
+            ),
+        ] {
+            let said = read(from, to).expect_err(words);
+            assert!(
+                said.contains(words) && said.contains("sensor.yaml"),
+                "{said}"
+            );
+        }
     }
 }

@@ -147,7 +147,13 @@ fn projection(file: &TextFile, index: usize) -> Result<(Camera, Isometry3<f64>),
     let label = format!("P{index}:");
     let is_labelled = file.rows().any(|(_, row)| row.contains(':'));
     let found = if is_labelled {
-        (file.rows()).find_map(|(line, row)| Some((line, row.strip_prefix(&label)?)))
+        let labelled = |(line, row)| Some((line, str::strip_prefix(row, &label)?));
+        let mut found = file.rows().filter_map(labelled);
+        let first = found.next();
+        if let Some((line, _)) = found.next() {
+            return Err(file.error_at(line, format!("`{label}` is there twice")));
+        }
+        first
     } else {
         file.rows().nth(index)
     };
@@ -192,6 +198,11 @@ mod tests {
         for (text, index, what) in [
             ("", 0, "calib.txt: there is no projection matrix of image_0"),
             ("P0: 1 2 3", 0, "calib.txt:1: 3 columns"),
+            (
+                "P0: 1\nP2: 2\nP0: 1",
+                0,
+                "calib.txt:3: `P0:` is there twice",
+            ),
             (
                 "P0: 1",
                 2,

@@ -52,6 +52,8 @@ struct Intrinsics {
     k2: Option<f64>,
     k3: Option<f64>,
     k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
     is_fisheye: Option<bool>,
@@ -168,7 +170,8 @@ fn only_file(folder: &Path) -> Result<PathBuf, DatasetError> {
 }
 
 fn parse<'a, T: Deserialize<'a>>(file: &Path, bytes: &'a [u8]) -> Result<T, DatasetError> {
-    serde_json::from_slice(bytes).map_err(|error| {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes); // a byte order mark
+    serde_json::from_slice(text).map_err(|error| {
         let what = error.to_string();
         // The line has its own place.
         let what = what.split(" at line ").next().unwrap_or(&what);
@@ -222,6 +225,8 @@ impl Intrinsics {
             k2: self.k2.or(shared.k2),
             k3: self.k3.or(shared.k3),
             k4: self.k4.or(shared.k4),
+            k5: self.k5.or(shared.k5),
+            k6: self.k6.or(shared.k6),
             p1: self.p1.or(shared.p1),
             p2: self.p2.or(shared.p2),
             is_fisheye: self.is_fisheye.or(shared.is_fisheye),
@@ -270,6 +275,10 @@ impl Intrinsics {
             .map_or_else(|| Ok::<_, String>(0.5 * sides()?.1), Ok)?;
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(|k| k.unwrap_or(0.0));
+        let [k5, k6] = [self.k5, self.k6].map(|k| k.unwrap_or(0.0));
+        if [k5, k6] != [0.0; 2] {
+            return Err(format!("k5 is {k5} and k6 is {k6}, which no lens here has").into());
+        }
         let is_fisheye = self.is_fisheye == Some(true);
         let unnamed = if is_fisheye {
             "OPENCV_FISHEYE"
@@ -296,6 +305,10 @@ impl Intrinsics {
                 }
                 let params = [fx, fy, cx, cy, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0];
                 lens::camera("FULL_OPENCV", &params)
+            }
+            "FULL_OPENCV" => {
+                let params = [fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6];
+                lens::camera(model, &params)
             }
             other => lens::camera(other, &[]),
         }
@@ -423,6 +436,11 @@ mod tests {
         );
         let (_folder, src) = source("room", &[("transforms.json", &*sound)]);
         assert_eq!(read(&src).unwrap().frames.len(), 2);
+        let full = sound.replace("\"w\"", "\"camera_model\": \"FULL_OPENCV\", \"w\"");
+        for same in [format!("\u{feff}{sound}"), full] {
+            fs::write(src.join("transforms.json"), same).unwrap();
+            assert_eq!(read(&src).unwrap().frames.len(), 2);
+        }
         let b = "\"b.png\", ";
         for (from, to, words) in [
             (
@@ -466,6 +484,16 @@ mod tests {
                 b,
                 "\"b.png\", \"k4\": 1, ",
                 "b.png: k4 is 1, and only an OPENCV_FISHEYE",
+            ),
+            (
+                b,
+                "\"b.png\", \"k1\": 0.1, \"k6\": 0.2, ",
+                "b.png: k5 is 0 and k6 is 0.2, which no lens here has",
+            ),
+            (
+                b,
+                "\"b.png\", \"camera_model\": \"FULL_OPENCV\", \"k4\": 0.1, ",
+                "b.png: ",
             ),
             (
                 b,

@@ -152,6 +152,23 @@ fn times_of_a_source_are_recorded_with_its_device_and_what_was_waited() {
 }
 
 #[test]
+fn nothing_from_outside_is_called_as_what_is_built_in() {
+    for name in ["sift", "best", "all"] {
+        let mut bench = Bench::new(vec![Flaky::default().contender()]);
+        let Source::Points(source) = &mut bench.contenders[0].source else {
+            panic!("it is a source")
+        };
+        source.id = name.into();
+        let error = bench.run("run").unwrap_err().to_string();
+        assert!(
+            error.contains("is the name of something built in"),
+            "{error}"
+        );
+        assert!(!bench.path("run").exists());
+    }
+}
+
+#[test]
 fn another_version_is_refused() {
     let mut bench = Bench::new(vec![Flaky::default().contender()]);
     bench.run("run").unwrap();

@@ -1,0 +1,88 @@
+//! Why an image cannot be decoded, and how large one may be.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use matchbench_vision::image::Size;
+
+use super::DatasetError;
+use crate::memory::TooMuch;
+
+/// Most pixels that an image may have unless another limit is set, 2^27 (e.g. 11,585 x 11,585). A file that
+/// claims more has a damaged header or is an attack, and no memory is allocated for it.
+pub const MAX_PIXELS: usize = 1 << 27;
+/// Longest side of an image; the most that JPEG can say.
+pub(super) const MAX_SIDE: usize = 65_535;
+
+/// Why bytes are not an image.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DecodeError {
+    /// The format is not one of those supported.
+    #[error("not an image of a known format (png, jpeg, bmp, tiff, webp, pgm, ppm)")]
+    UnknownFormat,
+    /// The file ends too early.
+    #[error("the image is truncated")]
+    Truncated,
+    /// The decoder found something that must not be there.
+    #[error("the image is damaged: {0}")]
+    Damaged(String),
+    /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
+    #[error("unsupported pixels: {0}")]
+    Unsupported(String),
+    /// Pixels that are no depth.
+    #[error("{0}, and depth is one 16-bit value for each pixel")]
+    NoDepth(String),
+    /// More pixels than are allowed, in total or on a side.
+    #[error("an image of {0} pixels, more than the limit of {limit} in all or of {MAX_SIDE} on a side", limit = most_pixels())]
+    TooLarge(Size),
+    /// There is not enough memory to decode it.
+    #[error("it has {0} pixels, for which {1}")]
+    NoMemory(Size, TooMuch),
+}
+
+impl DecodeError {
+    fn remedy(&self) -> &'static str {
+        match self {
+            Self::UnknownFormat => "convert it to png",
+            Self::Truncated | Self::Damaged(_) => "copy or download the file again",
+            Self::Unsupported(_) => "convert it to 8-bit gray or colour",
+            Self::NoDepth(_) => "store depth as a 16-bit gray png, or in HDF5",
+            Self::TooLarge(_) => {
+                "check the file, scale the image down, or raise MATCHBENCH_MAX_PIXELS"
+            }
+            Self::NoMemory(..) => "scale the image down, or set MATCHBENCH_MAX_MEMORY",
+        }
+    }
+
+    pub(super) fn in_file(&self, path: &Path) -> DatasetError {
+        DatasetError::new(path, self.to_string(), self.remedy())
+    }
+}
+
+/// The limit that was set; 0 if none was.
+static ASKED: AtomicUsize = AtomicUsize::new(0);
+
+/// Sets the largest number of pixels of an image, from now on and in all threads. Without this call the limit
+/// is [`MAX_PIXELS`].
+pub fn limit_pixels(most: NonZeroUsize) {
+    ASKED.store(most.get(), Ordering::Relaxed);
+}
+
+fn most_pixels() -> usize {
+    match ASKED.load(Ordering::Relaxed) {
+        0 => MAX_PIXELS,
+        asked => asked,
+    }
+}
+
+/// Returns the size if an image may have it.
+///
+/// # Errors
+/// If it has more pixels than are allowed, in total or on a side.
+pub fn check_size(size: Size) -> Result<Size, DecodeError> {
+    if size.width > MAX_SIDE || size.height > MAX_SIDE || size.area() > most_pixels() {
+        return Err(DecodeError::TooLarge(size));
+    }
+    Ok(size)
+}

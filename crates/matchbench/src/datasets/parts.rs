@@ -1,0 +1,25 @@
+//! Which files belong to a dataset.
+
+use std::path::Path;
+
+use super::images::IMAGES;
+use super::manifest;
+use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
+
+/// The folder of the dataset that a file is a part of: an image in it, its cameras, poses, pairs ... `file` is absolute
+/// and without links.
+pub fn dataset_of_part(file: &Path) -> Option<&Path> {
+    const PARTS: [&str; 6] = [IMAGES, POSES, CAMERA, PAIRS, HOMOGRAPHIES, manifest::FILE];
+    file.ancestors().skip(1).find(|folder| {
+        let part = file
+            .strip_prefix(folder)
+            .ok()
+            .and_then(|inner| inner.iter().next());
+        let is_dataset = || {
+            [PAIRS, manifest::FILE]
+                .iter()
+                .any(|name| folder.join(name).is_file())
+        };
+        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && is_dataset()
+    })
+}
