@@ -75,6 +75,56 @@ impl Features {
     }
 }
 
+/// Refuses sizes that are no diameters.
+fn check_sizes(sizes: &[f32]) -> PyResult<()> {
+    sizes
+        .iter()
+        .position(|size| *size < 0.0)
+        .map_or(Ok(()), |row| {
+            let message = format!(
+                "`sizes` are diameters, not below 0; row {row} is {}",
+                sizes[row]
+            );
+            Err(PyValueError::new_err(message))
+        })
+}
+
+/// Octaves as whole numbers.
+fn octaves_of(octaves: &[f32]) -> PyResult<Vec<i16>> {
+    if let Some(octave) = octaves.iter().find(|octave| octave.fract() != 0.0) {
+        let message = format!("octaves: {octave}, which is no whole number");
+        return Err(PyValueError::new_err(message));
+    }
+    let range = f32::from(i16::MIN)..=f32::from(i16::MAX);
+    if let Some(row) = octaves.iter().position(|octave| !range.contains(octave)) {
+        return Err(PyValueError::new_err(format!(
+            "`octaves` are from -32768 to 32767; row {row} is {}. cv2's SIFT packs octave, layer and scale into \
+             one number; take its lowest byte, by (octaves & 255).astype(numpy.int8)",
+            octaves[row]
+        )));
+    }
+    Ok(octaves.iter().map(|octave| *octave as i16).collect())
+}
+
+/// The 2 x 2 matrices of local affine frames, whose centres must be the keypoints.
+fn frames_of(lafs: &Bound<'_, PyAny>, keypoints: &[Point2<f64>]) -> PyResult<Vec<[f32; 4]>> {
+    let count = keypoints.len();
+    let flat = lafs.call_method1("reshape", (count, 6));
+    let flat = flat.map_err(|_| refused(lafs, "lafs", &format!("an array {count} x 2 x 3")))?;
+    let lafs = rows(&flat, "lafs", 6)?;
+    let centres = lafs.chunks(6).map(|l| [l[2], l[5]]);
+    if let Some(row) = (centres.zip(keypoints)).position(|(centre, at)| !lies_at(centre, at)) {
+        return Err(PyValueError::new_err(format!(
+            "`lafs` have their centres at the keypoints; in row {row} it is ({}, {}), the keypoint is ({}, {})",
+            lafs[6 * row + 2],
+            lafs[6 * row + 5],
+            keypoints[row].x,
+            keypoints[row].y
+        )));
+    }
+    Ok(lafs.chunks(6).map(|l| [l[0], l[1], l[3], l[4]]).collect())
+}
+
 /// Whether the centre of a local affine frame is at a keypoint, but for rounding to single precision.
 fn lies_at(centre: [f32; 2], at: &Point2<f64>) -> bool {
     (centre.into_iter().zip([at.x, at.y])).all(|(centre, at)| {
@@ -133,34 +183,16 @@ impl Features {
             read(sizes, "sizes", 1.0)?,
             read(angles, "angles", f32::NAN)?,
         );
-        if let Some(row) = sizes.iter().position(|size| *size < 0.0) {
-            let message = format!(
-                "`sizes` are diameters, not below 0; row {row} is {}",
-                sizes[row]
-            );
-            return Err(PyValueError::new_err(message));
-        }
+        check_sizes(&sizes)?;
         let responses = read(responses, "responses", 0.0)?;
-        let octaves = read(octaves, "octaves", 0.0)?;
-        if let Some(octave) = octaves.iter().find(|octave| octave.fract() != 0.0) {
-            let message = format!("octaves: {octave}, which is no whole number");
-            return Err(PyValueError::new_err(message));
-        }
-        let levels = f32::from(i16::MIN)..=f32::from(i16::MAX);
-        if let Some(row) = octaves.iter().position(|octave| !levels.contains(octave)) {
-            return Err(PyValueError::new_err(format!(
-                "`octaves` are from -32768 to 32767; row {row} is {}. cv2's SIFT packs octave, layer and scale into \
-                 one number; take its lowest byte, by (octaves & 255).astype(numpy.int8)",
-                octaves[row]
-            )));
-        }
+        let octaves = octaves_of(&read(octaves, "octaves", 0.0)?)?;
         let keypoints: Vec<_> = (0..at.len())
             .map(|i| Keypoint {
                 at: [(at[i].x + shift) as f32, (at[i].y + shift) as f32].into(),
                 size: sizes[i],
                 angle: Some(angles[i]).filter(|angle| !angle.is_nan()),
                 response: responses[i],
-                octave: octaves[i] as i16,
+                octave: octaves[i],
             })
             .collect();
         // Positions that are too large for single precision.
@@ -168,22 +200,7 @@ impl Features {
         all_finite("keypoints", keypoints.iter().map(finite))?;
         let mut inner = features::Features::new(size, keypoints, described);
         if let Some(lafs) = lafs {
-            let expected = format!("an array {} x 2 x 3", inner.len());
-            let flat = lafs.call_method1("reshape", (inner.len(), 6));
-            let flat = flat.map_err(|_| refused(&lafs, "lafs", &expected))?;
-            let lafs = rows(&flat, "lafs", 6)?;
-            let centres = lafs.chunks(6).map(|l| [l[2], l[5]]);
-            if let Some(row) = (centres.zip(&at)).position(|(centre, at)| !lies_at(centre, at)) {
-                return Err(PyValueError::new_err(format!(
-                    "`lafs` have their centres at the keypoints; in row {row} it is ({}, {}), the keypoint is ({}, {})",
-                    lafs[6 * row + 2],
-                    lafs[6 * row + 5],
-                    at[row].x,
-                    at[row].y
-                )));
-            }
-            let frames = lafs.chunks(6).map(|l| [l[0], l[1], l[3], l[4]]);
-            inner = inner.with_frames(frames.collect());
+            inner = inner.with_frames(frames_of(&lafs, &at)?);
         }
         Ok(inner.into())
     }

@@ -16,7 +16,9 @@ use nalgebra::Point2;
 use super::names::{Ambiguous, NamedBy, Names};
 use super::probe::Probe;
 use super::recognise::format_of;
-use super::{ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded};
+use super::{
+    Contents, ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded,
+};
 use crate::counted::counted;
 use crate::datasets::Sequence;
 
@@ -135,32 +137,7 @@ impl MatchFiles {
 
         let names = Names::of(sequence);
         let (named_by, doubtful) = names.kind(&contents.pairs);
-        let mut found = BTreeMap::new();
-        let mut ambiguous = Vec::new();
-        for (index, name) in contents.pairs.iter().enumerate() {
-            let file = contents.source.file(index);
-            let frames = names.pair(name, named_by).map_err(|what| {
-                ExchangeError::new(file, what, "name the images with their ending")
-            })?;
-            if frames.is_none() {
-                ambiguous.extend(names.ambiguous(name, named_by));
-            }
-            if let Some(frames) = frames
-                && let Some(before) = found.insert(frames, index)
-            {
-                let (first, first_file) = (&contents.pairs[before], contents.source.file(before));
-                let elsewhere = if first_file == file {
-                    String::new()
-                } else {
-                    format!(" in {}", first_file.display())
-                };
-                let what = format!(
-                    "{} is there twice, as {name} and as {first}{elsewhere}",
-                    pair_in_words(frames.0, frames.1)
-                );
-                return Err(ExchangeError::new(file, what, "keep one of them"));
-            }
-        }
+        let (found, ambiguous) = pairs_by_frames(&contents, &names, named_by)?;
         let mut this = Self {
             source: contents.source,
             pairs: BTreeMap::new(),
@@ -179,34 +156,18 @@ impl MatchFiles {
             survey: Survey::default(),
         };
         this.assign(&found, contents.pairs.len(), sequence)?;
+        let of_several = of_several_images(&ambiguous, sequence);
         if this.pairs.is_empty() && !sequence.pairs.is_empty() && known.is_none() {
+            let why = of_several.map_or_else(String::new, |why| format!(": {why}"));
             let name = &sequence.name;
-            let mut what = format!("none of its pairs is one of the dataset `{name}`");
-            if let Some(why) = of_several_images(&ambiguous, sequence) {
-                what = format!("{what}: {why}");
-            }
+            let what = format!("none of its pairs is one of the dataset `{name}`{why}");
             let remedy = "name images as the dataset does, or frames by number";
             return Err(ExchangeError::new(&files[0], what, remedy));
         }
-        let lost = of_several_images(&ambiguous, sequence);
-        this.survey.warnings.extend(lost);
-        if doubtful {
-            this.survey.warnings.push(
-                match named_by {
-                    NamedBy::Image | NamedBy::ImageEnd => {
-                        "names of images could mean other frames too, by number or by a former name; they were taken as names"
-                    }
-                    NamedBy::Former | NamedBy::FormerEnd => {
-                        "names that images had before they were copied or linked are numbers or new names of other \
-                         frames too; they were taken as the former names"
-                    }
-                    NamedBy::Frame => {
-                        "numbers of frames are names of other images too; they were taken as numbers"
-                    }
-                }
-                .into(),
-            );
-        }
+        let doubt = doubtful.then(|| doubt_of_names(named_by).to_owned());
+        this.survey
+            .warnings
+            .extend(of_several.into_iter().chain(doubt));
         this.read_all(known.map(|known| known.scores))?;
         Ok(this)
     }
@@ -405,6 +366,62 @@ impl MatchFiles {
 
     fn wrong(&self, index: usize, (a, b): (u32, u32), what: String) -> ExchangeError {
         ExchangeError::damaged(self.source.file(index), what).at(pair_in_words(a, b))
+    }
+}
+
+/// The index of each pair of frames in the files.
+type PairIndexes = BTreeMap<(u32, u32), usize>;
+
+/// The index of each pair of frames of the dataset in the files, and the names that could be those of several images.
+///
+/// # Errors
+/// If a pair is there twice, or a name can be split in several ways.
+fn pairs_by_frames(
+    contents: &Contents,
+    names: &Names,
+    named_by: NamedBy,
+) -> Result<(PairIndexes, Vec<Ambiguous>), ExchangeError> {
+    let mut found = BTreeMap::new();
+    let mut ambiguous = Vec::new();
+    for (index, name) in contents.pairs.iter().enumerate() {
+        let file = contents.source.file(index);
+        let frames = names
+            .pair(name, named_by)
+            .map_err(|what| ExchangeError::new(file, what, "name the images with their ending"))?;
+        let Some(frames) = frames else {
+            ambiguous.extend(names.ambiguous(name, named_by));
+            continue;
+        };
+        if let Some(before) = found.insert(frames, index) {
+            let (first, first_file) = (&contents.pairs[before], contents.source.file(before));
+            let elsewhere = if first_file == file {
+                String::new()
+            } else {
+                format!(" in {}", first_file.display())
+            };
+            let what = format!(
+                "{} is there twice, as {name} and as {first}{elsewhere}",
+                pair_in_words(frames.0, frames.1)
+            );
+            return Err(ExchangeError::new(file, what, "keep one of them"));
+        }
+    }
+    Ok((found, ambiguous))
+}
+
+/// What names could mean beside what they were taken for.
+fn doubt_of_names(taken_for: NamedBy) -> &'static str {
+    match taken_for {
+        NamedBy::Image | NamedBy::ImageEnd => {
+            "names of images could mean other frames too, by number or by a former name; they were taken as names"
+        }
+        NamedBy::Former | NamedBy::FormerEnd => {
+            "names that images had before they were copied or linked are numbers or new names of other frames too; they \
+             were taken as the former names"
+        }
+        NamedBy::Frame => {
+            "numbers of frames are names of other images too; they were taken as numbers"
+        }
     }
 }
 

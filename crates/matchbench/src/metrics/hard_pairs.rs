@@ -16,8 +16,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use matchbench_vision::robust::RIGHT_POSE;
 
+use super::average_matches::is_right;
 use super::quantiles::quantile;
-use super::{Angle, DatasetGeometry, Failure, Model, PairResult, ResultSet};
+use super::{DatasetGeometry, Failure, Model, PairResult, ResultSet};
 use crate::records::Counts;
 
 /// Angle between the optical axes from which on a pair is wide, in degrees.
@@ -94,7 +95,10 @@ impl HardPairs {
             (set.pairs.iter().filter(|pair| is_of_pose(pair)))
                 .partition(|pair| self.pairs.contains(&(pair.a, pair.b)));
         [inside, outside].map(|pairs| {
-            let right = pairs.iter().filter(|pair| is_right(pair)).count();
+            let right = pairs
+                .iter()
+                .filter(|pair| is_right(pair, RIGHT_POSE))
+                .count();
             (!pairs.is_empty()).then(|| right as f64 / pairs.len() as f64)
         })
     }
@@ -102,11 +106,6 @@ impl HardPairs {
 
 fn is_of_pose(pair: &PairResult) -> bool {
     pair.model == Model::Pose
-}
-
-fn is_right(pair: &PairResult) -> bool {
-    pair.error(Angle::Pose)
-        .is_some_and(|error| error < RIGHT_POSE)
 }
 
 /// Every kind of hard pairs that a dataset has, from the poses of all methods on it; without a `geometry`, those
@@ -118,7 +117,7 @@ pub fn hard_pairs(sets: &[&ResultSet], geometry: Option<&DatasetGeometry>) -> Ve
         .flat_map(|set| &set.pairs)
         .filter(|pair| is_of_pose(pair))
     {
-        *failed.entry((pair.a, pair.b)).or_default() += usize::from(!is_right(pair));
+        *failed.entry((pair.a, pair.b)).or_default() += usize::from(!is_right(pair, RIGHT_POSE));
     }
     let [bare, ambiguous] = by_counts(sets);
     let of_pair = |pair: &(u32, u32)| -> BTreeSet<Hardship> {
@@ -168,44 +167,59 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
     for set in sets {
         matchers.entry(&set.matcher).or_insert(set);
     }
-    let mut votes = BTreeMap::<(u32, u32), [usize; 2]>::new();
-    let mut voters = [0; 2];
+    let [mut features, mut shares] = [Votes::default(), Votes::default()];
     for set in matchers.into_values() {
         // What broke has no counts.
         let counted = (set.pairs.iter())
             .filter(|pair| pair.repetition == 0 && pair.outcome != Err(Failure::Broken))
             .filter_map(|pair| Some(((pair.a, pair.b), pair.counts?)));
         let counted: Vec<((u32, u32), Counts)> = counted.collect();
-        let selects = counted.iter().any(|(_, its)| its.selected < its.putative);
-        // A pair without putative matches has features, but no share.
-        let share_of = |its: &Counts| {
-            let share = f64::from(its.selected) / f64::from(its.putative);
-            (selects && its.putative > 0).then_some(share)
-        };
         let states = (counted.iter()).any(|(_, its)| its.features_a > 0 || its.features_b > 0);
-        let features_of = |its: &Counts| {
+        features.add(&counted, |its| {
             let fewer = f64::from(its.features_a.min(its.features_b));
             (states && its.has_features()).then_some(fewer)
+        });
+        // A pair without putative matches has features, but no share.
+        let selects = counted.iter().any(|(_, its)| its.selected < its.putative);
+        shares.add(&counted, |its| {
+            let share = f64::from(its.selected) / f64::from(its.putative);
+            (selects && its.putative > 0).then_some(share)
+        });
+    }
+    [features, shares].map(Votes::of_most)
+}
+
+/// The pairs on which a number is low, as matchers say.
+#[derive(Default)]
+struct Votes {
+    /// Matchers that know the number.
+    voters: usize,
+    /// How many of them call the number of a pair low.
+    low: BTreeMap<(u32, u32), usize>,
+}
+
+impl Votes {
+    /// The vote of a matcher: a `number` is low if it is less than half of its median over all pairs.
+    fn add(&mut self, counted: &[((u32, u32), Counts)], number: impl Fn(&Counts) -> Option<f64>) {
+        let known = counted.iter().filter_map(|(_, its)| number(its));
+        let Some(usual) = median(known.collect()) else {
+            return;
         };
-        for (vote, number) in [&features_of as &dyn Fn(&Counts) -> _, &share_of]
-            .into_iter()
-            .enumerate()
-        {
-            let known = counted.iter().filter_map(|(_, its)| number(its));
-            let Some(usual) = median(known.collect()) else {
-                continue;
-            };
-            voters[vote] += 1;
-            for (pair, its) in &counted {
-                let is_low = number(its).is_some_and(|its| its < usual / 2.0);
-                votes.entry(*pair).or_default()[vote] += usize::from(is_low);
-            }
+        self.voters += 1;
+        for (pair, its) in counted {
+            let is_low = number(its).is_some_and(|its| its < usual / 2.0);
+            *self.low.entry(*pair).or_default() += usize::from(is_low);
         }
     }
-    [0, 1].map(|vote| {
-        let most = (votes.iter()).filter(|(_, votes)| 2 * votes[vote] > voters[vote]);
-        most.map(|(pair, _)| *pair).collect()
-    })
+
+    /// The pairs that more than half of the matchers call low.
+    fn of_most(self) -> BTreeSet<(u32, u32)> {
+        let most = self
+            .low
+            .into_iter()
+            .filter(|(_, low)| 2 * low > self.voters);
+        most.map(|(pair, _)| pair).collect()
+    }
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

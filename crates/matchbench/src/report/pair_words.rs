@@ -46,7 +46,10 @@ pub(super) fn reason(failure: Failure, protocol: &Protocol) -> String {
                 0 => in_front,
                 inliers => format!("it must have at least {}, and {in_front}", counted(inliers, "inlier")),
             };
-            format!("No estimate that enough matches agree with: for a pose {least}.")
+            format!(
+                "No estimate that enough matches agree with: for a pose {least}, no farther than `max_depth` of the \
+                 estimator (50 baselines for most)."
+            )
         }
         Failure::Broken => {
             "A stage broke: an image that cannot be read, an error of the matcher, or a pair that files of matches do not \
