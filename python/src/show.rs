@@ -2,6 +2,7 @@
 
 use matchbench::config::Changes;
 use matchbench::files::TemporaryFolder;
+use matchbench::records::RunFolder;
 use matchbench::run::Cancel;
 use matchbench::show::Shown;
 use matchbench::study::Study;
@@ -38,7 +39,16 @@ pub(crate) fn show<'py>(
     };
     let sources = add_matchers(&mut study, vec![matcher], &Cancel::default())?;
     add_estimators(&mut study, &estimators)?;
-    let (prepared, warnings) = prepare(py, &study, &[dataset], sources)?;
+    let (prepared, warnings) = match prepare(py, &study, &[dataset], sources) {
+        Err(refused) => {
+            if RunFolder::logs_at(folder.path()).exists() {
+                // The message names a log in it.
+                folder.keep();
+            }
+            return Err(refused);
+        }
+        prepared => prepared?,
+    };
     let [contender] = &prepared.contenders[..] else {
         return Err(value_error("show draws the matches of one matcher"));
     };

@@ -4,6 +4,7 @@ import _thread
 import functools
 import json
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
@@ -318,6 +319,8 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
     started = start(["orb"], threads=10**9)  # no more than the cores make use of
     with pytest.raises(mb.Error, match="plan"):
         start(["orb"], seed=1)
+    with pytest.raises(mb.Error, match="is a dataset, and a run needs a folder of its own"):
+        mb.run(dataset, "orb", out=dataset.path, progress=False)
     with pytest.raises(ValueError, match="give one of the two"):
         mb.report(started, out=tmp_path / "report", bundle=tmp_path / "report.html")
 
@@ -624,6 +627,13 @@ def test_whatever_runs_is_drawn(dataset, tmp_path):
         from_files = mb.show(dataset, a, b, files)
     # Drawn alike but for the caption, which has the name, and the inliers, which follow from it.
     assert len({by_name.png, from_files.png, mb.show(dataset, a, b, by_orb).png}) == 3
+
+    manifest = tmp_path / "absent.toml"
+    manifest.write_text('name = "absent"\nsummary = ""\nreference = ""\ncommand = ["sh", "-c", "echo why >&2; exit 3"]\n')
+    with pytest.raises(mb.Error) as refused:
+        mb.show(dataset, a, b, str(manifest))
+    (log,) = (word.strip(",;:()") for word in str(refused.value).split() if "absent.log" in word)
+    assert "why" in pathlib.Path(log).read_text(), "the log that the message names is there"
 
     def broken(image_a, image_b):
         raise ValueError("out of luck")

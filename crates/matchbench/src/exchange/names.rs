@@ -15,6 +15,19 @@ use crate::datasets::{Frame, ImageNames, Named, Sequence};
 /// Longest path of an image in a file of matches, in bytes.
 const MAX_PATH: usize = 4096;
 
+/// The two names that joined ones can be, at each separator; none where they are longer than two paths, since every
+/// split is looked up.
+fn splits(joined: &str, separator: char) -> impl Iterator<Item = [&str; 2]> {
+    let joined = if joined.len() > 2 * MAX_PATH {
+        ""
+    } else {
+        joined
+    };
+    joined
+        .match_indices(separator)
+        .map(move |(at, found)| [&joined[..at], &joined[at + found.len()..]])
+}
+
 /// What a file calls a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PairName {
@@ -104,13 +117,9 @@ impl Names {
         match name {
             PairName::Frames(a, b) => Ok(((*a).max(*b) < self.count).then_some((*a, *b))),
             PairName::Two(a, b) => Ok(self.frame(a, by).zip(self.frame(b, by))),
-            // Every split is looked up, and no two paths are longer.
-            PairName::Joined(name, _) if name.len() > 2 * MAX_PATH => Ok(None),
             PairName::Joined(name, separator) => {
-                let mut splits = name.match_indices(*separator).filter_map(|(at, found)| {
-                    let a = self.frame(&name[..at], by)?;
-                    Some((a, self.frame(&name[at + found.len()..], by)?))
-                });
+                let mut splits = splits(name, *separator)
+                    .filter_map(|[a, b]| Some((self.frame(a, by)?, self.frame(b, by)?)));
                 let first = splits.next();
                 match splits.next() {
                     Some(second) => Err(format!(
@@ -136,9 +145,7 @@ impl Names {
         match name {
             PairName::Frames(..) => None,
             PairName::Two(a, b) => of_both([a, b]),
-            PairName::Joined(name, _) if name.len() > 2 * MAX_PATH => None,
-            PairName::Joined(name, separator) => (name.match_indices(*separator))
-                .find_map(|(at, found)| of_both([&name[..at], &name[at + found.len()..]])),
+            PairName::Joined(name, separator) => splits(name, *separator).find_map(of_both),
         }
     }
 

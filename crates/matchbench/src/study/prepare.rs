@@ -16,7 +16,7 @@ use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
-use crate::records::{FolderError, KeepMatches, Plan, RunFolder, Settings, Tuned};
+use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
 /// A study that is ready to run: its datasets are open, and its matchers are built.
@@ -94,8 +94,7 @@ impl Study {
         open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
         tell: &dyn Fn(News<'_>),
     ) -> Result<Prepared, StudyError> {
-        // First what is told at once: an import may take long.
-        let folder = self.folder()?;
+        self.folder()?;
         if self.datasets.is_empty() {
             return Err(StudyError::Incomplete {
                 what: "dataset",
@@ -108,19 +107,12 @@ impl Study {
                 remedy: "--matchers or --matches, or `matchers` in the run file",
             });
         }
-        self.check_names()?;
-        self.tuned()?;
+        // Before datasets are imported, which may take long.
+        let tuned = self.checked()?;
         let datasets = (self.datasets.iter())
             .map(|dataset| open(dataset, open_dataset, tell))
             .collect::<Result<Vec<_>, _>>()?;
-        for dataset in &datasets {
-            if is_same(folder, &dataset.path) {
-                return Err(StudyError::OutIsDataset {
-                    folder: folder.to_path_buf(),
-                });
-            }
-        }
-        self.prepare_on(datasets, Vec::new(), tell)
+        self.prepare_tuned(datasets, Vec::new(), tuned, tell)
     }
 
     /// The same on `datasets` that are open already, in the order of those of the study if it names any, and with
@@ -130,18 +122,31 @@ impl Study {
     /// As [`Study::prepare`].
     pub fn prepare_on(
         &self,
-        mut datasets: Vec<Dataset>,
+        datasets: Vec<Dataset>,
         sources: Vec<BuiltPointSource>,
         tell: &dyn Fn(News<'_>),
     ) -> Result<Prepared, StudyError> {
+        self.prepare_tuned(datasets, sources, self.checked()?, tell)
+    }
+
+    fn prepare_tuned(
+        &self,
+        mut datasets: Vec<Dataset>,
+        sources: Vec<BuiltPointSource>,
+        tuned: Vec<Tuned>,
+        tell: &dyn Fn(News<'_>),
+    ) -> Result<Prepared, StudyError> {
         let folder = self.folder()?;
-        self.check_names()?;
         let protocols = protocols::find_all(&self.protocols).map_err(ContenderError::from)?;
         let run_settings = self.settings().map_err(ContenderError::from)?;
-        let tuned = self.tuned()?;
         let settings: Vec<String> = tuned.iter().map(|tuned| tuned.setting.clone()).collect();
         let changes = Changes::parse(&settings)?.with(self.set.clone());
         for dataset in &datasets {
+            if is_same(folder, &dataset.path) {
+                return Err(StudyError::OutIsDataset {
+                    folder: folder.to_path_buf(),
+                });
+            }
             let (path, sequence) = (&dataset.path, &dataset.sequence);
             let problems = camera_problems(path, sequence).into_iter();
             for problem in problems.chain(pair_pose_problem(path, sequence)) {
@@ -202,19 +207,16 @@ impl Study {
         })
     }
 
-    /// What the files of tunings chose.
-    fn tuned(&self) -> Result<Vec<Tuned>, FolderError> {
-        self.tuned.iter().map(|path| Tuned::read(path)).collect()
-    }
-
-    /// Refuses an unknown name of a protocol or of a native matcher.
-    fn check_names(&self) -> Result<(), ContenderError> {
-        protocols::find_all(&self.protocols)?;
+    /// What the files of tunings chose, once no name of a protocol or of a native matcher is unknown: all that can be
+    /// told before a dataset is open.
+    fn checked(&self) -> Result<Vec<Tuned>, StudyError> {
+        protocols::find_all(&self.protocols).map_err(ContenderError::from)?;
         let names = self.all_matchers();
         for name in names.iter().filter(|name| !Manifest::is_path(name)) {
-            matchers::find(name)?;
+            matchers::find(name).map_err(ContenderError::from)?;
         }
-        Ok(())
+        let tuned = self.tuned.iter().map(|path| Tuned::read(path));
+        Ok(tuned.collect::<Result<_, _>>()?)
     }
 
     /// The error, with the line of the run file or with the file of a tuning if it is about one of these.
