@@ -87,7 +87,8 @@ def run(
     are added later can use; the "inliers" of each estimator; or "none".
 
     After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised. The same call
-    continues from there.
+    continues from there. A call with more datasets, matchers, estimators, pairs or repetitions than before, into the same
+    folder, computes only these.
     """
     datasets = _some("dataset", dataset, "give at least one")
     contenders = [any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]

@@ -58,14 +58,16 @@ pub(crate) struct RunArgs {
     /// of a matcher from outside (see `matchbench check`)
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub matchers: Vec<String>,
-    /// Folder of the run. If it exists, the run is resumed, and may get more datasets, matchers and estimators
+    /// Folder of the run. If it exists, the run is resumed, and may get more datasets, matchers, estimators, pairs and
+    /// repetitions
     #[arg(long, value_name = "RUN")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
     pub choices: ChoiceArgs,
-    /// Only N pairs of each dataset (out of the first ones with --limit), evenly spread over them
+    /// Only N pairs of each dataset (out of the first ones with --limit), evenly spread over them. The run can go on later
+    /// with a multiple of N, or with all
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
     pub sample: Option<NonZeroUsize>,
     /// Folder of the feature cache [default: RUN/cache]

@@ -32,4 +32,6 @@ pub use read::{open_file, read_file, read_text};
 pub use temporary::{TemporaryFolder, remove_temporary_folders};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;
-pub(crate) use write::{make_folder, sync_folder_of, write_new, write_unnamed, write_whole_file};
+pub(crate) use write::{
+    make_folder, move_file, sync_folder_of, write_new, write_unnamed, write_whole_file,
+};

@@ -175,6 +175,21 @@ pub(crate) fn make_folder(folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)
 }
 
+/// Moves a file to where none is, in a folder of the same disk, which is created if it is missing.
+///
+/// # Errors
+/// The error of the operating system; the file is then where it was.
+pub(crate) fn move_file(from: &Path, to: &Path) -> io::Result<()> {
+    if let Some(folder) = to.parent() {
+        make_folder(folder)?;
+    }
+    before(Call::Rename, from)?;
+    fs::rename(from, to)?;
+    sync_folder_of(to);
+    sync_folder_of(from);
+    Ok(())
+}
+
 /// Makes the name of a file survive a loss of power, as its content does, if the system supports that.
 pub(crate) fn sync_folder_of(path: &Path) {
     if let Some(folder) = path

@@ -39,7 +39,7 @@ pub enum FolderError {
     /// The folder holds a run of another plan.
     #[error(
         "{} holds a run of another plan: {difference}; to go on with it give all that it was started with, and more \
-         datasets, matchers, estimators or a larger --limit if you like; for another run choose another folder",
+         datasets, matchers, estimators, pairs or repetitions if you like; for another run choose another folder",
         folder.display()
     )]
     OtherPlan {

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `plan.json` | the [`Plan`], with the version of this format |
 //! | `records/<dataset>/<matcher>+<estimator>.jsonl` | a [`RunRecord`] a line, see [`store`] |
+//! | `earlier/<dataset>/<matcher>+<estimator>.jsonl` | records of before the run grew that are not taken over yet, see `earlier` |
 //! | `matches/<dataset>/<matcher>.bin` | selected matches, see [`matches`]; absent if they were not kept |
 //! | `inliers/<dataset>/<matcher>+<estimator>.bin` | their inliers, where these alone were kept |
 //! | `images/<dataset>.txt` | the content of the images that the records are of, see `images` |
@@ -35,12 +36,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::growth::difference;
+use super::growth::{difference, moves_tasks};
 use super::images::ImageNotes;
 use super::store::RecordWriter;
 use super::{
-    FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, images, matches,
-    store,
+    FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, earlier, images,
+    matches, store,
 };
 use crate::files::{
     link_in, make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
@@ -301,7 +302,7 @@ impl RunFolder {
 }
 
 /// The names in the folder of a run, or of a plan of shards, that belong to it. Beside them others may keep files.
-const PARTS: [&str; 12] = [
+const PARTS: [&str; 13] = [
     PLAN,
     TUNING,
     TUNED,
@@ -309,6 +310,7 @@ const PARTS: [&str; 12] = [
     LOCK,
     LOGS,
     store::FOLDER,
+    earlier::FOLDER,
     matches::FOLDER,
     matches::INLIERS,
     images::FOLDER,
@@ -346,7 +348,12 @@ impl RunWriter {
         let locks = lock(path)?;
         // Nobody else writes here now: records that were rewritten and what was merged, two folders down.
         remove_leftovers(path);
-        for folder in [store::FOLDER, matches::FOLDER, matches::INLIERS] {
+        for folder in [
+            store::FOLDER,
+            earlier::FOLDER,
+            matches::FOLDER,
+            matches::INLIERS,
+        ] {
             remove_leftovers_below(&path.join(folder), 1);
         }
         let plan_file = path.join(PLAN);
@@ -371,6 +378,9 @@ impl RunWriter {
         if written.as_ref() != Some(&plan) {
             if let Some(written) = &written {
                 store::add_checksums(path, written.format)?;
+                if moves_tasks(written, &plan) {
+                    earlier::set_aside(path)?;
+                }
             }
             write_json(&plan_file, &plan)?;
         }
@@ -407,6 +417,27 @@ impl RunWriter {
         let file = store::path(&self.folder.path, dataset, matcher, estimator);
         store::recover_each(&file, each)?;
         Ok(file)
+    }
+
+    /// Hands over what was recorded of one matcher with one estimator on one dataset before the run grew, and was not
+    /// taken over yet, each record with the number of its line. Returns the file, if there is one.
+    ///
+    /// # Errors
+    /// If it cannot be read, or has a line that is not a record; whatever `each` does not want.
+    pub(crate) fn for_each_earlier<E: From<StoreError>>(
+        &self,
+        names: [&str; 3],
+        each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+    ) -> Result<Option<PathBuf>, E> {
+        earlier::for_each(&self.folder.path, names, each)
+    }
+
+    /// Deletes what was recorded of them before the run grew: all of it was taken over.
+    ///
+    /// # Errors
+    /// If it cannot be deleted.
+    pub(crate) fn remove_earlier(&self, names: [&str; 3]) -> Result<(), StoreError> {
+        earlier::remove(&self.folder.path, names)
     }
 
     /// Appends to the records of one matcher with one estimator on one dataset; recover them first.

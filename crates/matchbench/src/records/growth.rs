@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use super::Plan;
 use super::earlier_plans::modernized;
+use super::{Plan, Settings};
 
 /// How the version of a matcher begins that is a digest of its code in Python.
 const DIGEST: &str = "code ";
@@ -15,8 +15,8 @@ const COMMAND: &str = "command";
 
 /// Where `plan` first differs from the plan that was `written` before, in words; `None` if a run of
 /// one goes on with a run of the other. A run may grow: by datasets, matchers (of a dataset too) and
-/// estimators of a matcher, and by a higher limit. It cannot lose any. They may come in another order, a dataset may move,
-/// and notes, which say in words what other fields hold, may be worded otherwise.
+/// estimators of a matcher, by repetitions, and by pairs. It cannot lose any. They may come in another order, a dataset may
+/// move, and notes, which say in words what other fields hold, may be worded otherwise.
 pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     let has_own = |plan: &Plan| {
         plan.datasets
@@ -24,13 +24,87 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
             .any(|dataset| dataset.matchers.is_some())
     };
     let names_matchers = has_own(written) || has_own(plan);
+    let as_if = Plan {
+        settings: without_growth(written, plan),
+        ..plan.clone()
+    };
+    let (old, new) = (written, plan);
     let mut written = modernized(what_decides(written, names_matchers));
-    let mut plan = what_decides(plan, names_matchers);
+    let mut plan = what_decides(&as_if, names_matchers);
     keep_known(&written, &mut plan);
     forget_commands(&mut written, &mut plan);
     another_dataset(&written, &plan)
         .or_else(|| other_code(&written, &plan))
+        .or_else(|| another_sample(old, new))
         .or_else(|| first_difference(&written, &plan, ""))
+}
+
+/// Whether tasks of `plan` come between those of the plan that was `written` and that grew to it.
+pub(super) fn moves_tasks(written: &Plan, plan: &Plan) -> bool {
+    let [before, now] = [written.settings, plan.settings];
+    before.repetitions != now.repetitions
+        || before != now
+            && pairs_of_known(written, plan).any(|listed| {
+                let mut now = now.chosen(listed);
+                !before.chosen(listed).all(|pair| now.next() == Some(pair))
+            })
+}
+
+/// The settings of `plan`; where it has all tasks of the plan that was `written`, and more by them, those of that.
+fn without_growth(written: &Plan, plan: &Plan) -> Settings {
+    let [before, now] = [written.settings, plan.settings];
+    let mut settings = now;
+    if now.repetitions > before.repetitions {
+        settings.repetitions = before.repetitions;
+    }
+    if pairs_may_grow(before, now) && keeps_pairs(written, plan) {
+        (settings.limit, settings.sample) = (before.limit, before.sample);
+    }
+    settings
+}
+
+/// Whether the pairs of a plan may be more than before, by their limits.
+fn pairs_may_grow(before: Settings, now: Settings) -> bool {
+    let [limit, sample] = [(before.limit, now.limit), (before.sample, now.sample)];
+    [limit, sample]
+        .into_iter()
+        .all(|(before, now)| now.is_none_or(|now| before.is_some_and(|before| now >= before)))
+}
+
+/// Whether all pairs of the plan that was `written` are pairs of `plan`, on the datasets of both.
+fn keeps_pairs(written: &Plan, plan: &Plan) -> bool {
+    let [before, now] = [written.settings, plan.settings];
+    pairs_of_known(written, plan).all(|listed| {
+        // Both in the order of the list.
+        let mut now = now.chosen(listed);
+        (before.chosen(listed)).all(|pair| now.any(|other| other == pair))
+    })
+}
+
+/// The numbers of pairs of the datasets that are in both plans. A dataset that has other pairs now is another one, and
+/// is found elsewhere; the number in a file may be anything.
+fn pairs_of_known<'p>(written: &'p Plan, plan: &'p Plan) -> impl Iterator<Item = usize> {
+    let is_known = |name: &str, pairs: usize| {
+        let mut known = written.datasets.iter();
+        known.any(|known| known.name == name && known.pairs == pairs)
+    };
+    let datasets = plan.datasets.iter();
+    let known = datasets.filter(move |dataset| is_known(&dataset.name, dataset.pairs));
+    known.map(|dataset| dataset.pairs)
+}
+
+/// Which sample has not the pairs of the sample that was `written`, in words that say which would.
+fn another_sample(written: &Plan, plan: &Plan) -> Option<String> {
+    let [before, now] = [written.settings, plan.settings];
+    let (sample, larger) = before.sample.zip(now.sample)?;
+    let leaves_out = before.limit == now.limit && sample < larger && !keeps_pairs(written, plan);
+    leaves_out.then(|| {
+        format!(
+            "a sample of {larger} pairs (`settings.sample`) leaves out some of the sample of {sample} that is there; one \
+             of {}, or all pairs, has them all",
+            sample.saturating_mul(2)
+        )
+    })
 }
 
 /// Which dataset of the same name is another one, in words: two hashes tell a reader nothing.
@@ -84,15 +158,6 @@ fn keep_known(written: &Value, plan: &mut Value) {
     // Matches from files have parameters for each dataset.
     if let (Some(known), Some(planned)) = (written.get("params"), plan.get_mut("params")) {
         keep_known(known, planned);
-    }
-    let limit = |plan: &Value| Some(plan.get("settings")?.get("limit")?.as_u64());
-    let is_sampled = |plan: &Value| plan.pointer("/settings/sample").is_some();
-    // Of more pairs, others are the sample.
-    if let (Some(Some(before)), Some(now)) = (limit(written), limit(plan))
-        && !is_sampled(plan)
-        && now.is_none_or(|now| now > before)
-    {
-        plan["settings"]["limit"] = before.into();
     }
 }
 

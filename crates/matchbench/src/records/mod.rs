@@ -4,6 +4,7 @@
 
 pub mod authors;
 mod broken;
+mod earlier;
 mod earlier_plans;
 mod error;
 mod folder;

@@ -20,6 +20,7 @@
 mod contender;
 mod depth;
 mod detections;
+mod earlier;
 mod error;
 mod evaluate;
 mod frame;
@@ -65,11 +66,11 @@ use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Frame, Sequence, Unpaired, Whole, decode_gray};
 use crate::files::read_file;
 use crate::records::images::ImageNotes;
-use crate::records::store::RecordWriter;
 use crate::records::{
     FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunWriter, Settings, Tuned,
 };
 use depth::DepthMaps;
+use earlier::InOrder;
 use kept::{Kept, Retried};
 use pair::PairStages;
 use progress::MatcherProgress;
@@ -367,9 +368,7 @@ impl Run<'_> {
             }
             Ok(())
         })?;
-        let mut writers = (progress.contender.estimators.iter())
-            .map(|variant| folder.append_to(dataset, matcher, &variant.name))
-            .collect::<Result<Vec<_>, _>>()?;
+        let mut writers = progress.writers(folder)?;
         let done = work.all(progress.pending_pairs(), |done| {
             kept.keep(&done)?;
             for ((estimator, record), line) in done.records.iter().zip(&done.lines) {
@@ -378,12 +377,13 @@ impl Run<'_> {
             }
             if kept.is_time() {
                 kept.sync()?;
-                writers.iter_mut().try_for_each(RecordWriter::sync)?;
+                writers.iter_mut().try_for_each(InOrder::sync)?;
             }
             Ok(())
         });
         kept.sync()?;
-        writers.iter_mut().try_for_each(RecordWriter::sync)?;
+        writers.iter_mut().try_for_each(InOrder::sync)?;
+        progress.forget_earlier(folder, &writers)?;
         done
     }
 

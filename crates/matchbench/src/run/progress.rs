@@ -5,6 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::mem;
 use std::path::PathBuf;
 
+use super::earlier::{Earlier, InOrder, earlier};
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
 use crate::records::{
@@ -36,6 +37,8 @@ struct EstimatorProgress {
     retried: BTreeSet<usize>,
     /// What is recorded, if some of it is to be tried again.
     records: Vec<RunRecord>,
+    /// What was recorded before the run grew, of tasks that are not recorded since.
+    earlier: Earlier,
 }
 
 /// A pair with what is left to be done of it.
@@ -114,12 +117,10 @@ impl<'a> MatcherProgress<'a> {
                     retried.insert(done);
                 }
                 Outcome::Failed { .. } => failed += 1,
-                _ => {
-                    let key = (record.task.a, record.task.b, record.task.repetition);
-                    if kept.is_some_and(|kept| !kept.contains(key)) {
-                        lost.insert(done / self.repetitions as usize);
-                    }
+                _ if is_lost(&record, kept) => {
+                    lost.insert(done / self.repetitions as usize);
                 }
+                _ => {}
             }
             done += 1;
             Ok::<_, StoreError>(())
@@ -137,12 +138,22 @@ impl<'a> MatcherProgress<'a> {
         } else {
             store::read(&file)?
         };
+        let wanted = |record: &RunRecord| match record.outcome {
+            Outcome::Failed { may_pass, .. } => {
+                let stays = !may_pass && !retry_failed;
+                failed += usize::from(stays);
+                stays
+            }
+            _ => !is_lost(record, kept),
+        };
+        let earlier = earlier(folder, names, &self.pairs, self.repetitions, done, wanted)?;
         let progress = EstimatorProgress {
             file,
             done,
             failed,
             retried,
             records,
+            earlier,
         };
         Ok((progress, lost))
     }
@@ -159,7 +170,43 @@ impl<'a> MatcherProgress<'a> {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.summary().is_complete() && self.lost_pairs().next().is_none()
+        self.summary().is_complete()
+            && self.lost_pairs().next().is_none()
+            && (self.estimators.iter()).all(|estimator| estimator.earlier.is_empty())
+    }
+
+    /// What appends the records of each estimator.
+    ///
+    /// # Errors
+    /// If a file cannot be opened or written to.
+    pub(super) fn writers(&self, folder: &RunWriter) -> Result<Vec<InOrder<'_>>, StoreError> {
+        let variants = self.contender.estimators.iter().zip(&self.estimators);
+        let (dataset, matcher) = (&self.sequence.name, self.contender.source.id());
+        let writers = variants.map(|(variant, estimator)| {
+            let writer = folder.append_to(dataset, matcher, &variant.name)?;
+            InOrder::new(writer, &estimator.earlier, estimator.done)
+        });
+        writers.collect()
+    }
+
+    /// Forgets what was recorded before the run grew, where the `writers` have all records.
+    ///
+    /// # Errors
+    /// If a file cannot be deleted.
+    pub(super) fn forget_earlier(
+        &self,
+        folder: &RunWriter,
+        writers: &[InOrder<'_>],
+    ) -> Result<(), StoreError> {
+        let tasks = self.pairs.len().saturating_mul(self.repetitions as usize);
+        let (dataset, matcher) = (&self.sequence.name, self.contender.source.id());
+        let estimators = self.estimators.iter().zip(&self.contender.estimators);
+        for ((estimator, variant), writer) in estimators.zip(writers) {
+            if !estimator.earlier.is_empty() && writer.recorded() == tasks {
+                folder.remove_earlier([dataset, matcher, &variant.name])?;
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn summary(&self) -> RunSummary {
@@ -167,7 +214,7 @@ impl<'a> MatcherProgress<'a> {
             total: (self.pairs.len().saturating_mul(self.repetitions as usize))
                 .saturating_mul(self.estimators.len()),
             before: (self.estimators.iter())
-                .map(|estimator| estimator.done - estimator.retried.len())
+                .map(|estimator| estimator.done - estimator.retried.len() + estimator.earlier.len())
                 .sum(),
             now: 0,
             failed: self
@@ -220,7 +267,9 @@ impl<'a> MatcherProgress<'a> {
     pub(super) fn pending_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
         let first = self.first_pending();
         let pairs = self.pairs.get(first..).unwrap_or_default();
-        self.pairs_where(pairs, first, |estimator, task| task >= estimator.done)
+        self.pairs_where(pairs, first, |estimator, task| {
+            task >= estimator.done && !estimator.earlier.contains_key(&task)
+        })
     }
 
     /// The tasks of `pairs` that are due, as `is_due` says of an estimator and the index of a task among its
@@ -267,6 +316,12 @@ impl<'a> MatcherProgress<'a> {
         });
         replacement.collect()
     }
+}
+
+/// Whether the matches that a record follows from should be on disk and are not.
+fn is_lost(record: &RunRecord, kept: Option<&MatchesFile>) -> bool {
+    let key = (record.task.a, record.task.b, record.task.repetition);
+    kept.is_some_and(|kept| !kept.contains(key))
 }
 
 /// The records of one estimator, some of which are done again.

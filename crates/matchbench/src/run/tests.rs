@@ -2,6 +2,7 @@
 
 mod again;
 mod faults;
+mod growth;
 mod homographies;
 mod outside;
 mod pixels;
@@ -63,9 +64,19 @@ impl Bench {
         observer: &dyn Observer,
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
+        self.run_by(self.settings, name, observer, cancel)
+    }
+
+    fn run_by(
+        &self,
+        settings: Settings,
+        name: &str,
+        observer: &dyn Observer,
+        cancel: &Cancel,
+    ) -> Result<RunSummary, RunError> {
         let folder = self.path(name);
         let run = Run {
-            settings: self.settings,
+            settings,
             decode,
             feature_memory: 20_000,
             retry_failed: self.retry_failed,
@@ -321,45 +332,6 @@ fn another_plan_is_refused_with_the_field_that_differs() {
     );
     let plan = fs::read_to_string(bench.path("run").join("plan.json")).unwrap();
     assert!(plan.contains("elsewhere"));
-}
-
-#[test]
-fn a_run_can_grow_and_another_estimator_costs_only_itself() {
-    let toy = Toy::default();
-    let extractions = || toy.extractions.swap(0, Ordering::Relaxed);
-    let dark = || {
-        let dark = Toy {
-            threshold: 140,
-            ..toy.clone()
-        };
-        dark.contender("dark", &["first"])
-    };
-    let all = || vec![dark(), toy.contender("bright", &["first", "second"])];
-    let mut bench = Bench::new(all());
-    bench.settings = repeated(2);
-    bench.run("whole").unwrap();
-    let expected = bench.records("whole");
-    extractions();
-
-    // A few pairs of one dataset with one estimator; then more of each.
-    let datasets = bench.datasets.clone();
-    bench.datasets.truncate(1);
-    bench.contenders = vec![toy.contender("bright", &["second"])];
-    bench.settings.limit = Some(3);
-    bench.run("grown").unwrap();
-    bench.settings.limit = None;
-    bench.run("grown").unwrap();
-    assert!(extractions() > 0);
-    bench.contenders = vec![toy.contender("bright", &["first", "second"])];
-    let summary = bench.run("grown").unwrap();
-    assert_eq!(
-        (summary.before, summary.now, extractions()),
-        (2 * 21, 2 * 21, 0)
-    );
-    bench.contenders = all();
-    bench.datasets = datasets;
-    bench.run("grown").unwrap();
-    assert_eq!(bench.records("grown"), expected);
 }
 
 #[test]

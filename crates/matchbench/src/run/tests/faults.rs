@@ -103,3 +103,17 @@ fn a_run_that_goes_on_may_break_again() {
         assert!(calls > 20, "{calls} calls");
     }
 }
+
+#[test]
+fn a_run_that_grows_may_break_at_any_call() {
+    let mut bench = small();
+    bench.settings = repeated(2);
+    bench.run("whole").unwrap();
+    for fault in FAULTS {
+        let calls = break_each(&bench, fault, |name| {
+            let done = bench.run_by(repeated(1), name, &Silent, &Cancel::default());
+            assert!(done.unwrap().is_complete());
+        });
+        assert!(calls > 30, "{calls} calls");
+    }
+}

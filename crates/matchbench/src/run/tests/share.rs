@@ -34,7 +34,7 @@ fn a_dataset_has_the_matchers_that_it_names_and_may_gain_more() {
 }
 
 #[test]
-fn a_sample_is_spread_over_the_pairs_and_another_one_is_refused() {
+fn a_sample_is_spread_over_the_pairs_and_a_smaller_one_is_refused() {
     let mut bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
     bench.run("whole").unwrap();
     bench.settings.sample = Some(3);
@@ -55,7 +55,7 @@ fn a_sample_is_spread_over_the_pairs_and_another_one_is_refused() {
         Some((expected.a, expected.b))
     );
     assert_eq!(bench.run("run").unwrap().now, 0);
-    bench.settings.sample = None;
+    bench.settings.sample = Some(2);
     let message = bench.run("run").unwrap_err().to_string();
     assert!(message.contains("`settings.sample`"), "{message}");
 }

@@ -1,0 +1,90 @@
+//! What was recorded before a run grew, until it is taken over.
+//!
+//! The records of a file stand in the order of the tasks: pair by pair, repetition by repetition. Where a run gets more
+//! repetitions, or more pairs than a sample of them, new tasks come between those that are done. So the files of
+//! records are set aside first, as `earlier/<dataset>/<matcher>+<estimator>.jsonl`. The run writes its records anew, and
+//! takes over what it finds there when the turn of its task has come. When all is taken over, the file is deleted.
+//!
+//! So the records of a run are complete pairs in order at all times, as they are where it was never grown. Whenever a
+//! process is killed, every record is in one file or the other, or in both; then that of the run counts.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::store::{self, StoreError};
+use super::{FORMAT, RunRecord};
+use crate::files::{move_file, sync_folder_of};
+
+/// The folder within the folder of a run.
+pub(super) const FOLDER: &str = "earlier";
+
+/// Where the records of one dataset, matcher and estimator are set aside in the folder of a `run`.
+fn path(run: &Path, names: [&str; 3]) -> PathBuf {
+    let [dataset, matcher, estimator] = names;
+    beside(run, &store::path(run, dataset, matcher, estimator))
+}
+
+/// Where a file of records of a `run` is set aside.
+fn beside(run: &Path, file: &Path) -> PathBuf {
+    let inner = file.strip_prefix(run.join(store::FOLDER));
+    run.join(FOLDER).join(inner.expect("a file of records"))
+}
+
+/// Sets aside all records of a `run` of the present format; what was set aside before and not taken over stays.
+///
+/// # Errors
+/// If a file cannot be read, moved or written; no record is lost then.
+pub(super) fn set_aside(run: &Path) -> Result<(), StoreError> {
+    for file in store::files(run)? {
+        let earlier = beside(run, &file);
+        if earlier.exists() {
+            let mut records = store::recover(&earlier)?;
+            records.append(&mut store::recover(&file)?);
+            store::rewrite(&earlier, &records)?;
+            sync_folder_of(&earlier);
+            fs::remove_file(&file).map_err(StoreError::io("delete", &file))?;
+            sync_folder_of(&file);
+        } else {
+            move_file(&file, &earlier).map_err(StoreError::io("move", &file))?;
+        }
+    }
+    Ok(())
+}
+
+/// Hands over the records of these names that were set aside, each with the number of its line, and returns where they
+/// are; nothing if there are none.
+///
+/// # Errors
+/// If the file cannot be read or has a line that is not a record; whatever `each` does not want.
+pub(super) fn for_each<E: From<StoreError>>(
+    run: &Path,
+    names: [&str; 3],
+    each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+) -> Result<Option<PathBuf>, E> {
+    let file = path(run, names);
+    if !file.exists() {
+        return Ok(None);
+    }
+    store::for_each(&file, FORMAT, each)?;
+    Ok(Some(file))
+}
+
+/// Deletes the records of these names that were set aside, and the folders that get empty.
+///
+/// # Errors
+/// If the file cannot be deleted.
+pub(super) fn remove(run: &Path, names: [&str; 3]) -> Result<(), StoreError> {
+    let file = path(run, names);
+    match fs::remove_file(&file) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            return Err(StoreError::io("delete", &file)(error));
+        }
+        _ => {}
+    }
+    // Only empty ones go.
+    for folder in file.ancestors().skip(1).take(2) {
+        let _ = fs::remove_dir(folder);
+    }
+    Ok(())
+}
