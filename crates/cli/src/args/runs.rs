@@ -89,7 +89,7 @@ pub(crate) struct RunArgs {
 #[derive(Debug, Args)]
 pub(crate) struct ChoiceArgs {
     /// Estimators of poses or homographies, separated by commas [default: the one that belongs to each matcher; best
-    /// for matches from files]
+    /// for matches from files; best-h on datasets of homographies]
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub estimator: Vec<String>,
     /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     let asked = Asked {
         settings: tuned.chain(args.choices.set.iter().cloned()).collect(),
         matchers: study.matchers.clone(),
-        estimators: study.estimators.clone(),
+        estimators: prepared.estimators.clone(),
         protocols: study.protocols.clone(),
         matches: study.matches.clone(),
     };

@@ -19,12 +19,17 @@ use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
+/// The estimator on datasets of homographies, unless another is asked for.
+const OF_HOMOGRAPHIES: &str = "best-h";
+
 /// A study that is ready to run: its datasets are open, and its matchers are built.
 pub struct Prepared {
     /// The datasets, each with the matchers that are run on it.
     pub datasets: Vec<Dataset>,
     /// The matchers with their estimators.
     pub contenders: Vec<Contender>,
+    /// The names of the estimators of all matchers; none where each has its own.
+    pub estimators: Vec<String>,
     /// Matchers from outside that did not start.
     pub absent: Vec<StartError>,
     /// The folder of the run.
@@ -173,10 +178,11 @@ impl Study {
             logs: &RunFolder::logs_at(folder),
             cache: &cache,
         };
+        let estimators = self.estimators_for(&datasets);
         let (contenders, absent) = Contender::from_names(
             &self.all_matchers(),
             all_sources,
-            &self.estimators,
+            &estimators,
             &protocols,
             &changes,
             Some(&outside),
@@ -189,6 +195,7 @@ impl Study {
         Ok(Prepared {
             datasets,
             contenders,
+            estimators,
             absent,
             folder: folder.to_path_buf(),
             settings: run_settings,
@@ -197,6 +204,23 @@ impl Study {
             keep_matches: self.keep_matches,
             retry_failed: self.retry_failed,
         })
+    }
+
+    /// The names of the estimators of all matchers; none where each has its own. These are of poses, so on datasets that
+    /// know homographies alone it is [`OF_HOMOGRAPHIES`].
+    fn estimators_for(&self, datasets: &[Dataset]) -> Vec<String> {
+        let mut first = datasets
+            .iter()
+            .map(|dataset| dataset.sequence.pairs.first());
+        let are_planes = first.all(|pair| {
+            pair.is_some_and(|pair| pair.homography().is_some() && pair.pose().is_none())
+        });
+        let is_open = self.estimators.is_empty() && self.protocols.is_empty();
+        if is_open && are_planes && !datasets.is_empty() {
+            vec![OF_HOMOGRAPHIES.to_owned()]
+        } else {
+            self.estimators.clone()
+        }
     }
 
     /// The folder of the run.
@@ -367,7 +391,11 @@ fn is_same(a: &Path, b: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use matchbench_vision::geometry::Camera;
+    use nalgebra::{Isometry3, Matrix3};
+
     use super::*;
+    use crate::datasets::{Frame, Pair, Turn};
     use crate::matchers::MATCHERS;
 
     #[test]
@@ -398,5 +426,55 @@ mod tests {
         assert!(prepare(&study).contains("surf"));
         study.matchers = vec!["sift".into()];
         assert!(prepare(&study).contains("absent"));
+    }
+
+    #[test]
+    fn where_homographies_alone_are_known_they_are_estimated() {
+        let frame = Frame {
+            image: "0.png".into(),
+            name: None,
+            turn: Turn::None,
+            camera: Camera::pinhole(8.0, 8.0, 3.5, 3.5),
+            world_from_camera: None,
+            depth: None,
+        };
+        let dataset = |pair: Pair| Dataset {
+            path: "wall".into(),
+            sequence: Sequence {
+                name: "wall".into(),
+                frames: vec![frame.clone(), frame.clone()],
+                pairs: vec![pair],
+            },
+            matchers: None,
+            whole: None,
+            pair_frames: None,
+        };
+        let (pose, homography) = (Isometry3::identity(), Matrix3::identity());
+        let plane = Pair::with_homography(0, 1, homography);
+        let views = Pair::with_pose(0, 1, pose);
+        let folder = tempfile::tempdir().unwrap();
+        let mut study = Study {
+            out: Some(folder.path().join("run")),
+            matchers: vec!["gms".into(), "sift".into()],
+            ..Study::default()
+        };
+        let estimators = |study: &Study, pairs: &[Pair]| {
+            let datasets = pairs.iter().map(|&pair| dataset(pair)).collect();
+            let prepared = study.prepare_on(datasets, Vec::new(), &|_| {}).unwrap();
+            let names = |contender: &Contender| contender.estimators[0].name.clone();
+            let used: Vec<String> = prepared.contenders.iter().map(names).collect();
+            (prepared.estimators, used)
+        };
+        let own = (Vec::new(), vec!["rich".to_owned(), "ransac-e".to_owned()]);
+        assert_eq!(estimators(&study, &[plane, plane]).1, ["best-h", "best-h"]);
+        assert_eq!(
+            estimators(&study, &[plane]).0,
+            ["best-h"],
+            "for shards, too"
+        );
+        assert_eq!(estimators(&study, &[views]), own);
+        assert_eq!(estimators(&study, &[plane, views]), own);
+        study.estimators = vec!["ransac-h".into()];
+        assert_eq!(estimators(&study, &[plane]).1, ["ransac-h", "ransac-h"]);
     }
 }
