@@ -120,14 +120,14 @@ impl Estimator {
                 camera_b: &camera_b.inner,
             };
             let estimate = pose.estimate(views, estimation_seed(Seed(seed), &self.built.id))?;
-            let confidence = views.confidence(&estimate.b_from_a);
-            Ok::<_, robust::NoModel>((estimate, confidence))
+            let probabilities = views.pose_probabilities(&estimate.b_from_a);
+            Ok::<_, robust::NoModel>((estimate, probabilities))
         })?;
         match found {
-            Ok((inner, confidence)) => Ok(PoseEstimate {
+            Ok((inner, probabilities)) => Ok(PoseEstimate {
                 inner,
                 count,
-                confidence,
+                probabilities,
             }),
             Err(none) => Err(NoModel::new_err(none.to_string())),
         }
@@ -302,7 +302,7 @@ pub(crate) struct PoseEstimate {
     inner: robust::PoseEstimate,
     /// Number of matches that were given.
     count: usize,
-    confidence: robust::Confidence,
+    probabilities: robust::PoseProbabilities,
 }
 
 #[pymethods]
@@ -315,7 +315,7 @@ impl PoseEstimate {
         inliers: &Bound<'_, PyAny>,
         support: usize,
         iterations: usize,
-        confidence: f64,
+        pose_probability: f64,
         overlap: f64,
     ) -> PyResult<Self> {
         let (inliers, count) = unmasked(inliers)?;
@@ -329,14 +329,14 @@ impl PoseEstimate {
             support,
             iterations,
         };
-        let confidence = robust::Confidence {
-            right: confidence,
+        let probabilities = robust::PoseProbabilities {
+            right: pose_probability,
             overlap,
         };
         Ok(Self {
             inner,
             count,
-            confidence,
+            probabilities,
         })
     }
 
@@ -352,8 +352,8 @@ impl PoseEstimate {
             self.inliers(py)?,
             self.inner.support,
             self.inner.iterations,
-            self.confidence.right,
-            self.confidence.overlap,
+            self.probabilities.right,
+            self.probabilities.overlap,
         );
         by_method::<Self>(py, call, None)
     }
@@ -402,14 +402,14 @@ impl PoseEstimate {
 
     /// The probability that the pose is within 10 degrees of the truth, estimated from the matches.
     #[getter]
-    fn confidence(&self) -> f64 {
-        self.confidence.right
+    fn pose_probability(&self) -> f64 {
+        self.probabilities.right
     }
 
     /// The probability that the images overlap and the matches show that; below 0.5 the answer is "no overlap".
     #[getter]
     fn overlap_probability(&self) -> f64 {
-        self.confidence.overlap
+        self.probabilities.overlap
     }
 
     /// Number of samples drawn.

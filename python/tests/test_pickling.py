@@ -15,7 +15,7 @@ WAYS = [
 ]
 FEATURES = ["keypoints", "sizes", "angles", "responses", "octaves", "lafs", "descriptors", "image_size", "bits"]
 MATCHES = ["points_a", "points_b", "ambiguity", "turns", "indices"]
-POSE = ["R", "t", "q", "inliers", "num_inliers", "support", "confidence", "overlap_probability", "iterations"]
+POSE = ["R", "t", "q", "inliers", "num_inliers", "support", "pose_probability", "overlap_probability", "iterations"]
 HOMOGRAPHY = ["H", "inliers", "num_inliers", "iterations"]
 DATASET = ["name", "path", "images", "pairs", "b_from_a", "homographies"]
 

@@ -72,7 +72,7 @@ def test_what_a_pose_says_of_itself(matches, dataset):
     assert pose.inliers.sum() == pose.num_inliers and len(pose.inliers) == len(matches)
     random = np.random.default_rng(0).permutation(len(matches))
     wrong = mb.estimator("best").estimate(matches.points_a, matches.points_b[random], camera, camera)
-    assert 0 <= wrong.confidence < pose.confidence / 2 and pose.confidence <= 1
+    assert 0 <= wrong.pose_probability < pose.pose_probability / 2 and pose.pose_probability <= 1
     assert wrong.overlap_probability < 0.5 < pose.overlap_probability
     assert angle(pose.R, np.eye(3)) > 1 and angle(pose.R, pose.R.T) > 1
     np.testing.assert_allclose(rotation(pose.q), pose.R, atol=1e-12)

@@ -56,7 +56,7 @@ fn records(run: &Path) -> Vec<Value> {
             record.as_object_mut().expect("a record").remove("check");
             // Poses of that version did not state one.
             if let Some(outcome) = record["outcome"].as_object_mut() {
-                outcome.remove("confidence");
+                outcome.remove("pose_probability");
                 outcome.remove("overlap_probability");
             }
             record

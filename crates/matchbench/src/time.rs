@@ -21,7 +21,7 @@ use crate::memory::{self, STACK};
 use crate::metrics::{
     Failure, PairResult, Quartiles, ResultSet, ResultsError, StageQuartiles, load_run,
 };
-use crate::records::{FolderError, KeepMatches, RunFolder, Settings, StageTimes};
+use crate::records::{FolderError, KeepMatches, RunFolder, RunSettings, StageTimes};
 use crate::run::{Cancel, Contender, Dataset, Run, RunError, Silent};
 
 /// Number of pairs that are run to warm up, and again at the end.
@@ -137,9 +137,9 @@ fn measure(
 ) -> Result<Option<ResultSet>, TimeError> {
     let folder = TemporaryFolder::new()?;
     let run = Run {
-        settings: Settings {
+        settings: RunSettings {
             limit: Some(pairs),
-            ..Settings::default()
+            ..RunSettings::default()
         },
         keep_matches: KeepMatches::None,
         ..Run::new(

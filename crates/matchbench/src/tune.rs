@@ -15,7 +15,7 @@ use crate::estimators;
 use crate::metrics::{ResultsError, load_run, ranking_auc};
 use crate::protocols::MATCHBENCH;
 use crate::records::images::ImageNotes;
-use crate::records::{DatasetPlan, FolderError, RunFolder, Settings, Tuned, TunedOn};
+use crate::records::{DatasetPlan, FolderError, RunFolder, RunSettings, Tuned, TunedOn};
 use crate::run::{
     Cancel, Contender, ContenderError, Dataset, Observer, Outside, Run, RunError, RunSummary,
     Variant,
@@ -35,7 +35,7 @@ pub struct Tuning<'a> {
     /// Changes of other parameters.
     pub changes: &'a Changes,
     /// Seed, repetitions and limit of the run.
-    pub settings: Settings,
+    pub settings: RunSettings,
     /// The folder of the run. The choice is written to `tuned.json` in it.
     pub folder: &'a Path,
     /// The cache of features that were extracted before.

@@ -212,7 +212,7 @@ class PoseEstimate:
     def support(self) -> int:
         """Number of matches whose point is in front of both cameras and nearer than the largest depth."""
     @property
-    def confidence(self) -> float:
+    def pose_probability(self) -> float:
         """The probability that the pose is within 10 degrees of the truth, estimated from the matches."""
     @property
     def overlap_probability(self) -> float:

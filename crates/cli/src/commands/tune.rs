@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use matchbench::config::parse_value;
-use matchbench::records::{Settings, Tuned};
+use matchbench::records::{RunSettings, Tuned};
 use matchbench::tune::{Tuning, tune};
 use serde_json::Value;
 
@@ -26,11 +26,11 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
         parameter: &args.parameter,
         values: &values,
         changes: &changes(&args.set)?,
-        settings: Settings {
+        settings: RunSettings {
             seed: args.seed,
             repetitions: args.repeat,
             limit: args.limit.map(NonZeroUsize::get),
-            ..Settings::default()
+            ..RunSettings::default()
         },
         folder: &args.out,
         cache: &cache(args.cache.as_deref(), &args.out),

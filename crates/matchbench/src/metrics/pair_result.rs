@@ -26,7 +26,7 @@ pub struct PairResult {
     /// Correspondences that support the estimate, 0 if there is no estimate; `None` if the results do not say.
     pub correspondences: Option<u32>,
     /// The probability that the pose is right, as the matches told; `None` where there is no pose, or nobody said.
-    pub confidence: Option<f64>,
+    pub pose_probability: Option<f64>,
     /// The probability that the images overlap and the matches show it; `None` likewise.
     pub overlap_probability: Option<f64>,
     /// Selected matches within 1, 2, ... 10 pixels of where the true homography takes them; `None`
@@ -116,7 +116,7 @@ impl PairResult {
             model: Model::Pose,
             outcome: Err(failure),
             correspondences: Some(0),
-            confidence: None,
+            pose_probability: None,
             overlap_probability: None,
             correct: None,
             found_again: None,
@@ -134,13 +134,13 @@ impl PairResult {
     /// A pair that was judged, without counts and times.
     pub fn of(a: u32, b: u32, outcome: &Outcome) -> Self {
         let model = Model::of(outcome).unwrap_or_default();
-        let [confidence, overlap_probability] = stated(outcome);
+        let [pose_probability, overlap_probability] = stated(outcome);
         let (outcome, correspondences) = scored(outcome);
         Self {
             model,
             outcome,
             correspondences: Some(correspondences),
-            confidence,
+            pose_probability,
             overlap_probability,
             ..Self::failed(a, b, Failure::Missing)
         }
@@ -251,10 +251,10 @@ pub(super) fn scored(outcome: &Outcome) -> (Result<Deviation, Failure>, u32) {
 fn stated(outcome: &Outcome) -> [Option<f64>; 2] {
     match outcome {
         Outcome::Pose {
-            confidence,
+            pose_probability,
             overlap_probability,
             ..
-        } => [*confidence, *overlap_probability],
+        } => [*pose_probability, *overlap_probability],
         _ => [None, None],
     }
 }
@@ -262,7 +262,7 @@ fn stated(outcome: &Outcome) -> [Option<f64>; 2] {
 impl From<&RunRecord> for PairResult {
     fn from(record: &RunRecord) -> Self {
         let (outcome, correspondences) = scored(&record.outcome);
-        let [confidence, overlap_probability] = stated(&record.outcome);
+        let [pose_probability, overlap_probability] = stated(&record.outcome);
         Self {
             a: record.task.a,
             b: record.task.b,
@@ -270,7 +270,7 @@ impl From<&RunRecord> for PairResult {
             model: Model::of(&record.outcome).unwrap_or_default(),
             outcome,
             correspondences: Some(correspondences),
-            confidence,
+            pose_probability,
             overlap_probability,
             correct: record.correct,
             found_again: (record.repeated)

@@ -57,7 +57,7 @@ impl Reliability {
     pub fn of(pairs: &[PairResult]) -> Option<Self> {
         let is_right = |pair: &PairResult| Some(pair.error(Angle::Pose)? < RIGHT_POSE);
         let poses: Vec<(f64, f64)> = (pairs.iter())
-            .filter_map(|pair| Some((pair.confidence?, f64::from(u8::from(is_right(pair)?)))))
+            .filter_map(|pair| Some((pair.pose_probability?, f64::from(u8::from(is_right(pair)?)))))
             .collect();
         if poses.is_empty() {
             return None;
@@ -139,12 +139,12 @@ mod tests {
     use super::*;
 
     /// Poses of this stated probability, so many of them right.
-    fn poses(confidence: f64, right: usize, wrong: usize) -> Vec<PairResult> {
+    fn poses(pose_probability: f64, right: usize, wrong: usize) -> Vec<PairResult> {
         let errors = std::iter::repeat_n(1.0, right).chain(std::iter::repeat_n(80.0, wrong));
         (0..)
             .zip(errors)
             .map(|(a, error)| PairResult {
-                confidence: Some(confidence),
+                pose_probability: Some(pose_probability),
                 ..solved(a, 0.5, error, 100)
             })
             .collect()
@@ -213,7 +213,7 @@ mod tests {
     fn a_pose_is_right_below_ten_degrees() {
         let results: Vec<PairResult> = ([9.9, 10.0, 10.1].into_iter())
             .map(|error| PairResult {
-                confidence: Some(0.5),
+                pose_probability: Some(0.5),
                 ..solved(0, 0.5, error, 100)
             })
             .collect();

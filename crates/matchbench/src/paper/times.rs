@@ -4,7 +4,7 @@ use std::path::Path;
 use std::slice;
 
 use crate::files::{read_text, write_whole};
-use crate::records::Settings;
+use crate::records::RunSettings;
 use crate::report::{MatcherTimes, PaperTimes};
 use crate::run::{Cancel, Dataset, plan};
 use crate::study::Prepared;
@@ -38,7 +38,7 @@ pub fn times(
     let planned = plan(
         slice::from_ref(dataset),
         &study.contenders,
-        Settings::default(),
+        RunSettings::default(),
     );
     let planned = planned.map_err(TimeError::from)?;
     let sequence = &dataset.sequence;

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use super::earlier_plans::modernized;
-use super::{Plan, Settings};
+use super::{Plan, RunSettings};
 
 /// How the version of a matcher begins that is a digest of its code in Python.
 const DIGEST: &str = "code ";
@@ -51,7 +51,7 @@ pub(super) fn moves_tasks(written: &Plan, plan: &Plan) -> bool {
 }
 
 /// The settings of `plan`; where it has all tasks of the plan that was `written`, and more by them, those of that.
-fn without_growth(written: &Plan, plan: &Plan) -> Settings {
+fn without_growth(written: &Plan, plan: &Plan) -> RunSettings {
     let [before, now] = [written.settings, plan.settings];
     let mut settings = now;
     if now.repetitions > before.repetitions {
@@ -64,7 +64,7 @@ fn without_growth(written: &Plan, plan: &Plan) -> Settings {
 }
 
 /// Whether the pairs of a plan may be more than before, by their limits.
-fn pairs_may_grow(before: Settings, now: Settings) -> bool {
+fn pairs_may_grow(before: RunSettings, now: RunSettings) -> bool {
     let [limit, sample] = [(before.limit, now.limit), (before.sample, now.sample)];
     [limit, sample]
         .into_iter()

@@ -25,7 +25,7 @@ pub use folder::{RunFolder, RunWriter, run_of_part};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
 pub use plan::{
-    DatasetPlan, EstimatorPlan, FORMAT, IN_PYTHON, MatcherPlan, Plan, Settings, ShardOf,
+    DatasetPlan, EstimatorPlan, FORMAT, IN_PYTHON, MatcherPlan, Plan, RunSettings, ShardOf,
 };
 pub use record::{ByDepth, Counts, Repeated, RunRecord, StageTimes, Task};
 pub use shards::{ShardError, ShardPlan};

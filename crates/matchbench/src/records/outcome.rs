@@ -2,7 +2,7 @@
 
 use matchbench_vision::geometry::{RelativePose, corner_error};
 use matchbench_vision::image::Size;
-use matchbench_vision::robust::{Confidence, HomographyEstimate, NoModel};
+use matchbench_vision::robust::{HomographyEstimate, NoModel, PoseProbabilities};
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -44,11 +44,11 @@ pub enum Outcome {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         translation_error: Option<f64>,
         /// The probability that the pose is right, as the matches tell; see
-        /// [`TwoViews::confidence`](matchbench_vision::robust::TwoViews::confidence). Absent from runs of
-        /// earlier versions and from results of others.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        confidence: Option<f64>,
-        /// The probability that the images overlap and the matches show it; absent where `confidence` is.
+        /// [`TwoViews::pose_probabilities`](matchbench_vision::robust::TwoViews::pose_probabilities). Called
+        /// `confidence` in runs of earlier versions. Absent from the first of them and from results of others.
+        #[serde(default, alias = "confidence", skip_serializing_if = "Option::is_none")]
+        pose_probability: Option<f64>,
+        /// The probability that the images overlap and the matches show it; absent where `pose_probability` is.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         overlap_probability: Option<f64>,
     },
@@ -145,7 +145,7 @@ impl Outcome {
             iterations,
             rotation_error: rotation_error.to_degrees(),
             translation_error: error.map(|error| error.translation.to_degrees()),
-            confidence: None,
+            pose_probability: None,
             overlap_probability: None,
         }
     }
@@ -155,18 +155,18 @@ impl Outcome {
     /// # Panics
     /// If that holds what is no probability.
     #[must_use]
-    pub fn with_confidence(mut self, stated: Confidence) -> Self {
-        let Confidence { overlap, right } = stated;
+    pub fn with_probabilities(mut self, stated: PoseProbabilities) -> Self {
+        let PoseProbabilities { overlap, right } = stated;
         for p in [overlap, right] {
             assert!((0.0..=1.0).contains(&p), "{p} is no probability");
         }
         if let Self::Pose {
-            confidence,
+            pose_probability,
             overlap_probability,
             ..
         } = &mut self
         {
-            *confidence = Some(right);
+            *pose_probability = Some(right);
             *overlap_probability = Some(overlap);
         }
         self
@@ -233,12 +233,12 @@ impl Outcome {
                 translation,
                 rotation_error,
                 translation_error,
-                confidence,
+                pose_probability,
                 overlap_probability,
                 ..
             } => {
                 let stated = [
-                    ("confidence", confidence),
+                    ("pose_probability", pose_probability),
                     ("overlap_probability", overlap_probability),
                 ];
                 for (name, p) in stated {
@@ -333,6 +333,21 @@ mod tests {
             panic!("{outcome:?} is no pose")
         };
         (*rotation_error, *translation_error)
+    }
+
+    #[test]
+    fn a_probability_is_read_by_its_earlier_name() {
+        let truth = motion(3.0, [0.0, 0.0, 0.5]);
+        let estimate = RelativePose::from_isometry(&truth).unwrap();
+        let stated = PoseProbabilities {
+            right: 0.25,
+            overlap: 0.5,
+        };
+        let outcome = Outcome::judged(&estimate, &truth, 9, 12, 100).with_probabilities(stated);
+        let text = serde_json::to_string(&outcome).unwrap();
+        assert!(text.contains("\"pose_probability\":0.25"), "{text}");
+        let earlier = text.replace("pose_probability", "confidence");
+        assert_eq!(serde_json::from_str::<Outcome>(&earlier).unwrap(), outcome);
     }
 
     #[test]

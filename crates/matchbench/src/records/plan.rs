@@ -30,7 +30,7 @@ pub struct Plan {
     /// Version of matchbench.
     pub version: String,
     /// What else decides.
-    pub settings: Settings,
+    pub settings: RunSettings,
     /// The datasets, in the order in which they are run.
     pub datasets: Vec<DatasetPlan>,
     /// The matchers, in the order in which they are run on each dataset.
@@ -66,7 +66,7 @@ impl Plan {
 
     /// Tasks of each method on one of its datasets: its pairs up to the limit, in every repetition.
     pub fn tasks_on(&self, dataset: &DatasetPlan) -> usize {
-        let Settings { limit, sample, .. } = self.settings;
+        let RunSettings { limit, sample, .. } = self.settings;
         let pairs = [limit, sample]
             .into_iter()
             .flatten()
@@ -106,7 +106,7 @@ impl Plan {
 /// Choices that concern all tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct RunSettings {
     /// Root of all random choices. Default: 0.
     pub seed: u64,
     /// How often each pair is done, each time with another seed. Default: 1.
@@ -123,7 +123,7 @@ pub struct Settings {
     pub time_budget_ms: Option<NonZeroU32>,
 }
 
-impl Default for Settings {
+impl Default for RunSettings {
     fn default() -> Self {
         Self {
             seed: 0,
@@ -135,7 +135,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl RunSettings {
     /// Those of so many things in a list that take part, by their places, in order.
     pub fn chosen(&self, listed: usize) -> impl Iterator<Item = usize> + use<> {
         let listed = self.limit.unwrap_or(usize::MAX).min(listed);
@@ -218,10 +218,10 @@ mod tests {
     #[test]
     fn a_sample_is_spread_over_what_the_limit_leaves() {
         let chosen = |limit, sample| -> Vec<usize> {
-            let settings = Settings {
+            let settings = RunSettings {
                 limit,
                 sample,
-                ..Settings::default()
+                ..RunSettings::default()
             };
             settings.chosen(10).collect()
         };

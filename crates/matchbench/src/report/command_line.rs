@@ -138,7 +138,7 @@ pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option
         protocols.insert(0, &MATCHBENCH);
     }
     // One estimator has one set of parameters in a command.
-    let mut settings = Settings::new();
+    let mut settings = Given::new();
     for variant in &variants {
         for (name, value) in variant.settings() {
             if settings.get(&name).is_some_and(|known| *known != value) {
@@ -224,7 +224,7 @@ pub(super) fn show(
 }
 
 /// `ID.NAME` of parameters, and their values.
-type Settings = BTreeMap<String, Value>;
+type Given = BTreeMap<String, Value>;
 
 /// An estimator as a matcher is planned with it.
 struct Variant<'a> {
@@ -266,13 +266,13 @@ impl<'a> Variant<'a> {
     }
 
     /// Its parameters that differ from those that its protocol sets.
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> Given {
         let of_protocol = match self.protocol.estimator {
             EstimatorRule::Of { id, params } if id == self.id => Some(params()),
             _ => None,
         };
         let usual = together(defaults(self.id), of_protocol).unwrap_or_default();
-        let mut settings = Settings::new();
+        let mut settings = Given::new();
         differences(self.id, &self.estimator.params, &usual, &mut settings);
         settings
     }
@@ -311,7 +311,7 @@ fn run(
     datasets: &[&DatasetPlan],
     matchers: &[&MatcherPlan],
     (estimators, protocols): (&[String], &[&'static Protocol]),
-    of_estimators: Settings,
+    of_estimators: Given,
     out: &str,
 ) -> Option<CommandLine> {
     if plan.shard.is_some() {
@@ -370,8 +370,8 @@ fn run(
 
 /// Parameters of a matcher that are not its defaults. Of a matcher from outside, whose defaults are not known
 /// here, all parameters.
-fn of_matcher(matcher: &MatcherPlan) -> Settings {
-    let mut settings = Settings::new();
+fn of_matcher(matcher: &MatcherPlan) -> Given {
+    let mut settings = Given::new();
     match Origin::of(matcher) {
         Origin::Native => {
             if let Some(entry) = MATCHERS.iter().find(|entry| entry.id() == matcher.id) {
@@ -461,7 +461,7 @@ fn way_of_reading(files: &Value) -> Option<CommandLine> {
 }
 
 /// The parameters in `params` that differ from `usual`, as `ID.NAME`. A list is one value.
-fn differences(name: &str, params: &Value, usual: &Value, found: &mut Settings) {
+fn differences(name: &str, params: &Value, usual: &Value, found: &mut Given) {
     match params {
         Value::Object(fields) => {
             for (field, value) in fields {

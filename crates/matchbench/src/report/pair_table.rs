@@ -101,7 +101,9 @@ pub(super) fn columns(content: &Content) -> Vec<Column<'_>> {
         count("by_depth_5px", |pair| {
             Some(pair.by_depth.as_ref()?.within[4])
         }),
-        number("confidence", &|row: &Row<'_>| row.pair.confidence),
+        number("pose_probability", &|row: &Row<'_>| {
+            row.pair.pose_probability
+        }),
         number("overlap_probability", &|row: &Row<'_>| {
             row.pair.overlap_probability
         }),

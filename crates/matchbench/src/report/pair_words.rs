@@ -103,7 +103,7 @@ pub fn sentence(pair: &PairResult, protocol: &Protocol) -> String {
             format!("rotation off by {:.2}°; no true direction", error.rotation)
         }
         (Ok(Deviation::Pose(error)), Some(pose)) => {
-            let stated = (pair.confidence)
+            let stated = (pair.pose_probability)
                 .map(|probability| format!(", right with probability {probability:.2}"))
                 .unwrap_or_default();
             let no_overlap = (pair.overlap_probability)

@@ -67,7 +67,7 @@ use crate::datasets::{DatasetError, Frame, Sequence, Unpaired, Whole, decode_gra
 use crate::files::read_file;
 use crate::records::images::ImageNotes;
 use crate::records::{
-    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunWriter, Settings, Tuned,
+    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
 };
 use depth::DepthMaps;
 use earlier::InOrder;
@@ -161,7 +161,7 @@ pub struct Run<'a> {
     /// The matchers, each with its estimators.
     pub contenders: &'a [Contender],
     /// Seed, repetitions and limits.
-    pub settings: Settings,
+    pub settings: RunSettings,
     /// Results of tuning that settings of the contenders come from. Datasets that they were tuned on are refused,
     /// and the folder notes them for its report.
     pub tuned: &'a [Tuned],
@@ -199,7 +199,7 @@ impl Run<'_> {
         Run {
             datasets,
             contenders,
-            settings: Settings::default(),
+            settings: RunSettings::default(),
             tuned: &[],
             folder,
             cache: FeatureCache::new(RunFolder::default_cache_at(folder)),

@@ -9,7 +9,7 @@ use crate::datasets::{Pair, Sequence};
 use crate::estimators::Estimator;
 use crate::files::check_name;
 use crate::matchers::Source;
-use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Settings};
+use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, RunSettings};
 
 /// The plan to run all `contenders` on all `datasets`.
 ///
@@ -22,7 +22,7 @@ use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, Sett
 pub fn plan(
     datasets: &[Dataset],
     contenders: &[Contender],
-    settings: Settings,
+    settings: RunSettings,
 ) -> Result<Plan, RunError> {
     check_names(
         "dataset",

@@ -9,7 +9,7 @@ use super::earlier::{Earlier, InOrder, earlier};
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
 use crate::records::{
-    MatchesFile, Outcome, RunRecord, RunWriter, Settings, StoreError, Task, store,
+    MatchesFile, Outcome, RunRecord, RunSettings, RunWriter, StoreError, Task, store,
 };
 
 /// Most repetitions of a pair that are done together, with one search for all of them.
@@ -67,7 +67,7 @@ impl<'a> MatcherProgress<'a> {
         folder: &RunWriter,
         sequence: &'a Sequence,
         contender: &'a Contender,
-        settings: Settings,
+        settings: RunSettings,
         retry_failed: bool,
         kept: Option<&MatchesFile>,
     ) -> Result<Self, RunError> {

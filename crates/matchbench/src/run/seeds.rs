@@ -8,7 +8,7 @@
 use matchbench_vision::seed::Seed;
 
 /// The seed of a pair and repetition with one matcher on one dataset, from the seed of
-/// the run ([`Settings::seed`](crate::records::Settings)).
+/// the run ([`RunSettings::seed`](crate::records::RunSettings)).
 ///
 /// Whoever gives it to [`evaluate`](super::evaluate) gets what a run records.
 pub fn pair_seed(

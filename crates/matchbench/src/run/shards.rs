@@ -10,7 +10,7 @@ use super::{Contender, Dataset, RunError, plan, refuse_tuned};
 use crate::counted::counted;
 use crate::datasets::{DatasetError, Sequence, Unpaired};
 use crate::records::shards::{Asked, Cut, PairsHash, Part, ShardPlan, Stretches, part_of};
-use crate::records::{KeepMatches, Plan, Settings, ShardError, Tuned};
+use crate::records::{KeepMatches, Plan, RunSettings, ShardError, Tuned};
 
 /// Which part of a run is done.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub struct Shard<'a> {
 pub fn plan_shards(
     datasets: &[Dataset],
     contenders: &[Contender],
-    settings: Settings,
+    settings: RunSettings,
     shards: u32,
     asked: Asked,
     keep_matches: KeepMatches,
@@ -65,7 +65,7 @@ pub fn plan_shards(
 }
 
 /// How many images have to be extracted by one machine, for each matcher.
-pub fn images_of_one(datasets: &[Dataset], settings: Settings) -> u64 {
+pub fn images_of_one(datasets: &[Dataset], settings: RunSettings) -> u64 {
     Images::of(datasets).count(&items(datasets, settings))
 }
 
@@ -153,7 +153,7 @@ struct Item {
     index: u32,
 }
 
-fn items(datasets: &[Dataset], settings: Settings) -> Vec<Item> {
+fn items(datasets: &[Dataset], settings: RunSettings) -> Vec<Item> {
     let limit = settings.limit.unwrap_or(usize::MAX);
     let mut items = Vec::new();
     for (dataset, number) in datasets.iter().zip(0..) {
@@ -169,7 +169,7 @@ fn items(datasets: &[Dataset], settings: Settings) -> Vec<Item> {
 }
 
 /// Shares the pairs out.
-fn cut(datasets: &[Dataset], settings: Settings, shards: u32) -> Result<Cut, RunError> {
+fn cut(datasets: &[Dataset], settings: RunSettings, shards: u32) -> Result<Cut, RunError> {
     let contradiction = |reason: String| Err(RunError::Contradiction(reason));
     let mut items = items(datasets, settings);
     if shards == 0 || shards as usize > items.len() {

@@ -20,7 +20,7 @@ use crate::cache::FeatureCache;
 use crate::datasets::{Frame, Pair, Sequence, Turn};
 use crate::estimators::{BuiltEstimator, Estimator};
 use crate::matchers::{BuiltMatcher, Extraction};
-use crate::records::{RunFolder, RunRecord, Settings, StageTimes};
+use crate::records::{RunFolder, RunRecord, RunSettings, StageTimes};
 
 /// Pixels in a row of a test image, whose file is just its pixels.
 const WIDTH: usize = 8;
@@ -95,9 +95,9 @@ pub(super) fn records_of(folder: &Path, contenders: &[Contender]) -> Vec<RunReco
     let run_folder = folder.join("run");
     let datasets = [dataset(folder, "street", 12)];
     let run = Run {
-        settings: Settings {
+        settings: RunSettings {
             repetitions: NonZeroU32::new(2).unwrap(),
-            ..Settings::default()
+            ..RunSettings::default()
         },
         cache: FeatureCache::new(folder.join("cache")),
         decode,

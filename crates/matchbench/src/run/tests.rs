@@ -32,7 +32,7 @@ struct Bench {
     folder: TempDir,
     datasets: Vec<Dataset>,
     contenders: Vec<Contender>,
-    settings: Settings,
+    settings: RunSettings,
     threads: usize,
     retry_failed: bool,
 }
@@ -48,7 +48,7 @@ impl Bench {
             folder,
             datasets,
             contenders,
-            settings: Settings::default(),
+            settings: RunSettings::default(),
             threads: 2,
             retry_failed: false,
         }
@@ -69,7 +69,7 @@ impl Bench {
 
     fn run_by(
         &self,
-        settings: Settings,
+        settings: RunSettings,
         name: &str,
         observer: &dyn Observer,
         cancel: &Cancel,
@@ -118,10 +118,10 @@ fn set_threshold(contender: &mut Contender, threshold: u8) {
     matcher.params["threshold"] = threshold.into();
 }
 
-fn repeated(repetitions: u32) -> Settings {
-    Settings {
+fn repeated(repetitions: u32) -> RunSettings {
+    RunSettings {
         repetitions: NonZeroU32::new(repetitions).unwrap(),
-        ..Settings::default()
+        ..RunSettings::default()
     }
 }
 
@@ -289,12 +289,12 @@ fn another_plan_is_refused_with_the_field_that_differs() {
 
     bench.settings.seed = 1;
     refused(&bench, "`settings.seed` is 0 there and 1 here");
-    bench.settings = Settings {
+    bench.settings = RunSettings {
         limit: Some(3),
-        ..Settings::default()
+        ..RunSettings::default()
     };
     refused(&bench, "`settings.limit` is null there and 3 here");
-    bench.settings = Settings::default();
+    bench.settings = RunSettings::default();
 
     let dark = bench.contenders.pop().unwrap();
     refused(&bench, "`matchers[1]` is `dark` there and absent here");

@@ -134,7 +134,8 @@ impl Trial<'_> {
                 count(estimate.support),
                 count(estimate.iterations),
             );
-            let outcome = outcome.with_confidence(original.confidence(&estimate.b_from_a));
+            let outcome =
+                outcome.with_probabilities(original.pose_probabilities(&estimate.b_from_a));
             let inliers = estimate.inliers;
             Ok::<_, MatcherError>(Judged { outcome, inliers })
         })
@@ -298,17 +299,17 @@ mod tests {
 
     #[test]
     fn a_pose_is_trusted_as_much_whatever_size_the_protocol_sees() {
-        let confidence = |protocol| match outcome(protocol, 60, 60, 60) {
+        let probability = |protocol| match outcome(protocol, 60, 60, 60) {
             Outcome::Pose {
-                confidence: Some(confidence),
+                pose_probability: Some(probability),
                 ..
-            } => confidence,
+            } => probability,
             other => panic!("{other:?}"),
         };
         let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
         let view = GLUE_FACTORY.view([&camera; 2], Some([Size::new(640, 480); 2]));
         assert!(view.is_some(), "it sees images of another size");
-        let [ours, theirs] = [&MATCHBENCH, &GLUE_FACTORY].map(confidence);
+        let [ours, theirs] = [&MATCHBENCH, &GLUE_FACTORY].map(probability);
         assert_eq!(ours, theirs);
     }
 

@@ -36,7 +36,7 @@ use serde::Deserialize;
 use crate::config::{Changes, UnknownName};
 use crate::datasets::{DatasetError, ImportOptions, PairRule, import_once};
 use crate::protocols;
-use crate::records::{KeepMatches, Settings};
+use crate::records::{KeepMatches, RunSettings};
 
 pub use crate::matchers::MatchesFrom;
 pub use error::StudyError;
@@ -127,13 +127,13 @@ impl Study {
     ///
     /// # Errors
     /// If a protocol does not exist.
-    pub fn settings(&self) -> Result<Settings, UnknownName> {
+    pub fn settings(&self) -> Result<RunSettings, UnknownName> {
         let protocols = protocols::find_all(&self.protocols)?;
         let shuffles = protocols.iter().map(|protocol| protocol.shuffles).max();
         let shuffles = shuffles
             .and_then(NonZeroU32::new)
             .unwrap_or(NonZeroU32::MIN);
-        Ok(Settings {
+        Ok(RunSettings {
             seed: self.seed,
             repetitions: self.repeat.unwrap_or(shuffles),
             limit: self.limit.map(NonZeroUsize::get),

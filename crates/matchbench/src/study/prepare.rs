@@ -16,7 +16,7 @@ use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
-use crate::records::{KeepMatches, Plan, RunFolder, Settings, Tuned};
+use crate::records::{KeepMatches, Plan, RunFolder, RunSettings, Tuned};
 use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
 
 /// The estimator on datasets of homographies, unless another is asked for.
@@ -35,7 +35,7 @@ pub struct Prepared {
     /// The folder of the run.
     pub folder: PathBuf,
     /// The other settings that the records depend on.
-    pub settings: Settings,
+    pub settings: RunSettings,
     /// The tuned choices that are used.
     pub tuned: Vec<Tuned>,
     cache: FeatureCache,

@@ -22,7 +22,6 @@
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
 
-mod confidence;
 mod consensus;
 mod degensac;
 mod essential_problem;
@@ -41,6 +40,7 @@ mod mlesac;
 mod noise_scale;
 mod parts;
 mod plane_poses;
+mod pose_probabilities;
 pub mod presets;
 mod problem;
 mod prosac;
@@ -55,7 +55,6 @@ mod spread_sampler;
 mod sprt;
 mod turns;
 
-pub use confidence::{Confidence, RIGHT_POSE};
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
 pub use essential_problem::EssentialProblem;
 pub use estimator::{
@@ -70,6 +69,7 @@ pub use lmeds::MedianOfSquares;
 pub use magsac::Magsac;
 pub use mlesac::Mlesac;
 pub use parts::{EarlyStop, FinalRefinement, Sampler, Score};
+pub use pose_probabilities::{PoseProbabilities, RIGHT_POSE};
 pub use problem::Problem;
 pub use prosac::Prosac;
 pub use ransac::{Ransac, RansacParams};

@@ -1,6 +1,6 @@
 //! Whether the truth of a dataset can be right.
 //!
-//! Matches alone tell how probable it is that a pose is right ([`Confidence`](matchbench_vision::robust::Confidence)).
+//! Matches alone tell how probable it is that a pose is right ([`PoseProbabilities`](matchbench_vision::robust::PoseProbabilities)).
 //! Of the poses with a probability of at least [`CONFIDENT`], nearly all agree with a sound truth, also where
 //! most pairs fail. If few do, the usual [`mistakes`] are tried, and the one that explains most of these poses is
 //! named. Without such an explanation the truth is in doubt only if rotations contradict it: where baselines are
@@ -101,7 +101,7 @@ fn judged(sets: &[&ResultSet]) -> Judged {
     for pair in sets.iter().flat_map(|set| &set.pairs) {
         let errors = (pair.error(Angle::Pose)).zip(pair.error(Angle::Rotation));
         if let Some((pose, rotation)) = errors
-            && pair.confidence.is_some_and(|p| p >= CONFIDENT)
+            && pair.pose_probability.is_some_and(|p| p >= CONFIDENT)
         {
             let agreement = all.entry((pair.a, pair.b)).or_default();
             agreement.pose |= pose < RIGHT_POSE;
@@ -137,10 +137,13 @@ fn poses(run: &RunFolder, sets: &[&ResultSet], judged: &Judged) -> Result<Estima
     for set in sets {
         run.for_each_of([&set.dataset, &set.matcher, &set.estimator], |record| {
             let pair = (record.task.a, record.task.b);
-            let Outcome::Pose { confidence, .. } = record.outcome else {
+            let Outcome::Pose {
+                pose_probability, ..
+            } = record.outcome
+            else {
                 return;
             };
-            if confidence.is_some_and(|p| p >= CONFIDENT) && judged.contains_key(&pair) {
+            if pose_probability.is_some_and(|p| p >= CONFIDENT) && judged.contains_key(&pair) {
                 poses.entry(pair).or_default().extend(record.outcome.pose());
             }
         })?;
@@ -313,10 +316,14 @@ mod tests {
         assert_eq!(named(&dataset(|i| place(7 * i + 5))), None);
     }
 
-    /// Results of these pairs, with this confidence and error.
-    fn results(pairs: impl Iterator<Item = (u32, u32)>, confidence: f64, error: f64) -> ResultSet {
+    /// Results of these pairs, with this pose_probability and error.
+    fn results(
+        pairs: impl Iterator<Item = (u32, u32)>,
+        pose_probability: f64,
+        error: f64,
+    ) -> ResultSet {
         let pairs = pairs.map(|(a, b)| PairResult {
-            confidence: Some(confidence),
+            pose_probability: Some(pose_probability),
             outcome: Ok(Deviation::Pose(AngularError {
                 rotation: 0.5,
                 translation: Some(error),

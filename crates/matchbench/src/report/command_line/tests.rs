@@ -10,7 +10,7 @@ fn plan(text: &Value) -> Plan {
 }
 
 /// What `--set` of a command changes.
-fn changes(settings: &Settings) -> Changes {
+fn changes(settings: &Given) -> Changes {
     let settings: Vec<String> = (settings.iter())
         .map(|(name, value)| setting(name, value))
         .collect();
@@ -45,7 +45,7 @@ fn every_parameter_that_is_changed_is_set_to_the_same_again() {
         altered(&entry.defaults(), entry.id(), &mut others);
         others.push((format!("{}.extractor.size", entry.id()), json!("640x480")));
         for (name, value) in others {
-            let given = changes(&Settings::from([(name.clone(), value)]));
+            let given = changes(&Given::from([(name.clone(), value)]));
             let Ok(built) = matchers::build(*entry, given.of(entry.id())) else {
                 continue; // it would do nothing, or be out of range
             };
@@ -70,11 +70,11 @@ fn every_parameter_that_is_changed_is_set_to_the_same_again() {
         let mut others = Vec::new();
         altered(&entry.defaults(), entry.id(), &mut others);
         for (name, value) in others {
-            let given = changes(&Settings::from([(name.clone(), value)]));
+            let given = changes(&Given::from([(name.clone(), value)]));
             let Ok(built) = entry.build(given.of(entry.id())) else {
                 continue;
             };
-            let mut settings = Settings::new();
+            let mut settings = Given::new();
             differences(entry.id(), &built.params, &entry.defaults(), &mut settings);
             let again = entry.build(changes(&settings).of(entry.id()));
             assert_eq!(again.expect("it was built").params, built.params, "{name}");

@@ -69,7 +69,7 @@ mod tests {
                 set.pairs.iter().map(move |pair| {
                     let mut pair = pair.clone();
                     pair.a += 100 * copy;
-                    pair.confidence = Some(0.05 + 0.3 * f64::from(copy));
+                    pair.pose_probability = Some(0.05 + 0.3 * f64::from(copy));
                     pair
                 })
             });

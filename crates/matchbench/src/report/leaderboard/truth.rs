@@ -19,7 +19,7 @@ use matchbench_vision::robust::HomographyEstimate;
 use crate::counted::counted;
 use crate::datasets::{Pair, Sequence};
 use crate::metrics::{PairResult, ResultSet};
-use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, Settings};
+use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, RunSettings};
 
 /// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
 /// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
@@ -123,7 +123,7 @@ impl Truth {
     /// A pair that was not to be chosen, or the numbers of pairs, in words.
     pub(super) fn has_chosen(
         &self,
-        settings: &Settings,
+        settings: &RunSettings,
         pairs: &BTreeSet<(u32, u32)>,
         dataset: &DatasetPlan,
     ) -> Result<(), String> {

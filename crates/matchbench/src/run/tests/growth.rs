@@ -18,8 +18,8 @@ impl Observer for After<'_> {
     }
 }
 
-fn sampled(sample: Option<usize>, repetitions: u32) -> Settings {
-    Settings {
+fn sampled(sample: Option<usize>, repetitions: u32) -> RunSettings {
+    RunSettings {
         sample,
         ..repeated(repetitions)
     }

@@ -430,7 +430,7 @@ fn parts(datasets: &[Dataset], shards: u32) -> Vec<Part> {
     let plan = plan_shards(
         datasets,
         &two_by_two(),
-        Settings::default(),
+        RunSettings::default(),
         shards,
         Asked::default(),
         KeepMatches::All,
@@ -458,7 +458,7 @@ fn few_images_are_extracted_twice() {
     }
     let neighbours = (0..300).flat_map(|a| (a + 1..(a + 4).min(300)).map(move |b| (a, b)));
     let street = [table("street", 300, neighbours), table("all", 120, all())];
-    assert_eq!(images_of_one(&street, Settings::default()), 420);
+    assert_eq!(images_of_one(&street, RunSettings::default()), 420);
     let parts = parts(&street[..1], 10);
     let images: u64 = parts.iter().map(|part| part.images).sum();
     assert!(images <= 300 + 9 * 4, "{images}");
@@ -469,7 +469,7 @@ fn what_cannot_be_cut_is_refused() {
     let cut = |pairs: &[(u32, u32)], shards| {
         let datasets = [table("street", 5, pairs.iter().copied())];
         let asked = Asked::default();
-        let (contenders, settings) = (two_by_two(), Settings::default());
+        let (contenders, settings) = (two_by_two(), RunSettings::default());
         let keep = KeepMatches::All;
         plan_shards(&datasets, &contenders, settings, shards, asked, keep, &[])
     };
@@ -482,9 +482,9 @@ fn what_cannot_be_cut_is_refused() {
         assert!(error.contains(named), "{error}");
     }
     assert!(cut(&[(0, 1), (1, 2)], 2).is_ok());
-    let settings = Settings {
+    let settings = RunSettings {
         sample: Some(1),
-        ..Settings::default()
+        ..RunSettings::default()
     };
     let mut datasets = [table("street", 5, [(0, 1), (1, 2)].into_iter())];
     let planned = |datasets: &[Dataset], settings| {
@@ -502,16 +502,16 @@ fn what_cannot_be_cut_is_refused() {
     };
     assert!(planned(&datasets, settings).contains("sample"));
     datasets[0].matchers = Some(["bright".to_owned()].into());
-    assert!(planned(&datasets, Settings::default()).contains("not all matchers"));
+    assert!(planned(&datasets, RunSettings::default()).contains("not all matchers"));
 }
 
 #[test]
 fn what_is_surveyed_is_planned_as_what_is_opened() {
     let (_folder, dir) = crate::datasets::testing::dataset();
     let planned = |dataset: Result<Dataset, DatasetError>, limit| {
-        let settings = Settings {
+        let settings = RunSettings {
             limit,
-            ..Settings::default()
+            ..RunSettings::default()
         };
         let (datasets, contenders) = ([dataset.unwrap()], two_by_two());
         let (asked, keep) = (Asked::default(), KeepMatches::All);

@@ -70,7 +70,7 @@ const SAMPLE: usize = 5;
 
 /// How far an estimated pose can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Confidence {
+pub struct PoseProbabilities {
     /// The probability that both images show the matches that agree with the pose, and that they do not agree
     /// by chance. Below one half the answer is: no overlap, as far as these matches say.
     pub overlap: f64,
@@ -84,7 +84,7 @@ impl TwoViews<'_> {
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
-    pub fn confidence(&self, b_from_a: &RelativePose) -> Confidence {
+    pub fn pose_probabilities(&self, b_from_a: &RelativePose) -> PoseProbabilities {
         let (pairs, focal) = (self.at_depth_1(), self.mean_focal());
         let mut squared = vec![0.0; pairs.len()];
         let essential = essential_from_pose(b_from_a);
@@ -116,7 +116,7 @@ impl TwoViews<'_> {
         let deviation = pose_deviation(b_from_a, &usual, noise).to_degrees();
         let noise_px = noise * focal;
         let precise = probability(PRECISE, [deviation.max(1e-2), noise_px * noise_px]);
-        Confidence {
+        PoseProbabilities {
             overlap,
             right: overlap * precise,
         }
@@ -227,12 +227,12 @@ mod tests {
         points
     }
 
-    /// The confidence in what `best` estimates.
-    fn confidence(points: &MatchedPoints) -> Confidence {
-        confidence_in(presets::best(), points)
+    /// Of what `best` estimates.
+    fn of_best(points: &MatchedPoints) -> PoseProbabilities {
+        of_estimator(presets::best(), points)
     }
 
-    fn confidence_in(params: SampleConsensusParams, points: &MatchedPoints) -> Confidence {
+    fn of_estimator(params: SampleConsensusParams, points: &MatchedPoints) -> PoseProbabilities {
         let views = TwoViews {
             points,
             camera_a: &CAMERA,
@@ -240,14 +240,14 @@ mod tests {
         };
         let estimator = SampleConsensus::new(params).expect("a preset is in range");
         let estimate = estimator.estimate(views, Seed(1)).expect("a pose");
-        views.confidence(&estimate.b_from_a)
+        views.pose_probabilities(&estimate.b_from_a)
     }
 
     #[test]
     fn matches_that_agree_are_trusted_and_random_ones_are_not() {
         let (good, bad) = (
-            confidence(&matches(300, 100, 1.0)),
-            confidence(&matches(0, 400, 1.0)),
+            of_best(&matches(300, 100, 1.0)),
+            of_best(&matches(0, 400, 1.0)),
         );
         assert!(good.right > 0.8 && good.overlap > 0.95, "{good:?}");
         assert!(bad.right <= bad.overlap && bad.overlap < 0.2, "{bad:?}");
@@ -258,22 +258,22 @@ mod tests {
         // Near the best model there are enough to fill half of the cells, but no more than chance brings. (`best` gives
         // up all models.)
         for wrong in [4_000, 10_000] {
-            let found = confidence_in(presets::mlesac_e(), &matches(0, wrong, 1.0));
+            let found = of_estimator(presets::mlesac_e(), &matches(0, wrong, 1.0));
             assert!(found.overlap < 0.5, "{wrong}: {found:?}");
         }
-        let found = confidence(&matches(2_000, 8_000, 1.0));
+        let found = of_best(&matches(2_000, 8_000, 1.0));
         assert!(found.overlap > 0.95, "{found:?}");
     }
 
     #[test]
     fn a_match_far_beside_the_image_says_nothing() {
         let points = matches(300, 100, 1.0);
-        let good = confidence(&points);
+        let good = of_best(&points);
         for far in [10.0, 100.0, 1e9] {
             let mut points = points.clone();
             let at = CAMERA.project(Point2::new(far, far));
             points.push(at, at, 0.5);
-            let found = confidence(&points);
+            let found = of_best(&points);
             assert!(
                 (found.overlap - good.overlap).abs() < 0.01,
                 "{far}: {found:?} {good:?}"
@@ -288,8 +288,8 @@ mod tests {
     #[test]
     fn agreement_in_one_corner_says_less_than_all_over() {
         let (wide, narrow) = (
-            confidence(&matches(150, 150, 1.0)),
-            confidence(&matches(150, 150, 0.15)),
+            of_best(&matches(150, 150, 1.0)),
+            of_best(&matches(150, 150, 0.15)),
         );
         assert!(wide.overlap > narrow.overlap + 0.05, "{wide:?} {narrow:?}");
     }
@@ -297,7 +297,7 @@ mod tests {
     #[test]
     fn without_parallax_there_is_overlap_and_less_of_a_direction() {
         let mut points = matches(300, 100, 1.0);
-        let with_parallax = confidence(&points);
+        let with_parallax = of_best(&points);
         let turn = UnitQuaternion::from_euler_angles(0.0, 0.05, 0.0);
         let mut rng = Seed(5).rng();
         for i in 0..300 {
@@ -305,7 +305,7 @@ mod tests {
             let b = CAMERA.project(Point2::new(x.x / x.z, x.y / x.z));
             points.b[i] = Point2::new(b.x + 0.3 * rng.normal(), b.y + 0.3 * rng.normal());
         }
-        let found = confidence(&points);
+        let found = of_best(&points);
         assert!(found.overlap > 0.95, "{found:?}");
         assert!(
             found.right < with_parallax.right - 0.05,
@@ -338,7 +338,7 @@ mod tests {
                 camera_a: &CAMERA,
                 camera_b: &CAMERA,
             };
-            let found = views.confidence(&truth());
+            let found = views.pose_probabilities(&truth());
             assert!((0.0..0.5).contains(&found.overlap), "{found:?}");
             assert!((0.0..0.5).contains(&found.right), "{found:?}");
         }
