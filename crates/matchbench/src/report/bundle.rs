@@ -11,9 +11,10 @@ use crate::files::write_whole;
 use super::again::Again;
 use super::content::Content;
 use super::html::{Extent, render_extent};
+use super::numbers::bracketed;
 use super::pair_table::columns;
 use super::target::check_target;
-use super::{Format, booktabs, citations, method, pairs_csv, render};
+use super::{Format, booktabs, citations, latex, method, pairs_csv, render};
 
 /// Most bytes of the file.
 pub const MAX_BUNDLED: usize = 5_000_000;
@@ -57,6 +58,10 @@ fn bundle(content: &Content, most: usize) -> Option<String> {
             (
                 "auc-booktabs.tex",
                 content.noted(Format::Latex, booktabs::render(summaries)),
+            ),
+            (
+                "auc-intervals.tex",
+                content.noted(Format::Latex, latex::render_with(summaries, bracketed)),
             ),
             ("method.tex", method::latex(content)),
             ("cite.bib", citations::render(content)),

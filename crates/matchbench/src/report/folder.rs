@@ -24,13 +24,15 @@ use super::figures::{
     most_over, reliabilities, reliability_figure, sp_figure, time_figure,
 };
 use super::file_names::{file_names, unique};
+use super::numbers::bracketed;
 use super::overview::Overview;
 use super::pair_table::columns;
 use super::raster::png;
 use super::svg::Target;
 use super::target::check_target;
 use super::{
-    Format, booktabs, citations, dataset_table, html, method, pairs_csv, parquet, render, vega,
+    Format, booktabs, citations, dataset_table, html, latex, method, pairs_csv, parquet, render,
+    vega,
 };
 
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each in one
@@ -52,8 +54,16 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
         let table = content.noted(format, render(format, summaries));
         out.write(&tables.join(name), table.as_bytes())?;
     }
-    let table = content.noted(Format::Latex, booktabs::render(summaries));
-    out.write(&tables.join("auc-booktabs.tex"), table.as_bytes())?;
+    for (name, table) in [
+        ("auc-booktabs.tex", booktabs::render(summaries)),
+        (
+            "auc-intervals.tex",
+            latex::render_with(summaries, bracketed),
+        ),
+    ] {
+        let table = content.noted(Format::Latex, table);
+        out.write(&tables.join(name), table.as_bytes())?;
+    }
     let cite = Path::new("cite");
     for (name, text) in [
         ("method.md", method::markdown(content)),
@@ -341,6 +351,7 @@ mod tests {
             names("tables"),
             [
                 "auc-booktabs.tex",
+                "auc-intervals.tex",
                 "auc.tex",
                 "pairs.csv",
                 "pairs.parquet",

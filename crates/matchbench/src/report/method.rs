@@ -25,6 +25,52 @@ enum Piece {
     Cite(Vec<String>),
 }
 
+/// The paragraph while it is written.
+#[derive(Default)]
+struct Paragraph {
+    pieces: Vec<Piece>,
+}
+
+impl Paragraph {
+    fn say(&mut self, text: impl Into<String>) {
+        self.pieces.push(Piece::Text(text.into()));
+    }
+
+    fn cite_key(&mut self, key: &str) {
+        self.pieces.push(Piece::Cite(vec![key.to_owned()]));
+    }
+
+    /// Cites papers, and says first what those have to do with it that are not the method itself.
+    fn cite<'p>(&mut self, papers: impl IntoIterator<Item = &'p str>) {
+        let (others, own): (Vec<_>, Vec<_>) = (papers.into_iter())
+            .flat_map(citations)
+            .partition(|paper| paper.role.is_some());
+        for other in others {
+            self.say(format!(" ({}", other.role.unwrap_or_default()));
+            self.cite_key(&other.key);
+            self.say(")");
+        }
+        if !own.is_empty() {
+            let keys = own.into_iter().map(|paper| paper.key);
+            self.pieces.push(Piece::Cite(keys.collect()));
+        }
+    }
+
+    /// Lists names, each with its papers.
+    fn list<'p>(&mut self, names: Vec<(String, Vec<&'p str>)>) {
+        let count = names.len();
+        for (i, (name, papers)) in names.into_iter().enumerate() {
+            let between = match i {
+                0 => "",
+                _ if i + 1 == count => " and ",
+                _ => ", ",
+            };
+            self.say(format!("{between}{name}"));
+            self.cite(papers);
+        }
+    }
+}
+
 /// The paragraph as Markdown.
 pub(super) fn markdown(content: &Content) -> String {
     let piece = |piece: &Piece| match piece {
@@ -57,42 +103,69 @@ pub(super) fn latex(content: &Content) -> String {
 }
 
 fn pieces(content: &Content) -> Vec<Piece> {
-    let summaries = &content.summaries;
-    let plan = content.plan();
-    let planned = || plan.iter().flat_map(|plan| &plan.matchers);
-    let mut pieces = Vec::new();
-    let mut say = |text: String| pieces.push(Piece::Text(text));
-    if summaries.is_empty() {
-        say("Nothing was scored.".to_owned());
-        return pieces;
+    let mut paragraph = Paragraph::default();
+    if content.summaries.is_empty() {
+        paragraph.say("Nothing was scored.");
+        return paragraph.pieces;
     }
-    let of = |model| summaries.iter().any(|summary| summary.model == model);
-    say("Matchers are judged by ".to_owned());
+    let plan = content.plan();
+    task(content, &mut paragraph);
+    paragraph.say(". The data are ");
+    data(content, &mut paragraph);
+    paragraph.say(". The matchers are ");
+    paragraph.list(matchers(content, plan.as_ref()));
+    let of = |model| content.summaries.iter().any(|s| s.model == model);
+    let estimated = match (of(Model::Pose), of(Model::Homography)) {
+        (_, false) => "pose",
+        (false, true) => "homography",
+        (true, true) => "pose or homography",
+    };
+    paragraph.say(format!(". The {estimated} is estimated by "));
+    paragraph.list(estimators(content, plan.as_ref()));
+    paragraph.say(". ");
+    scores(content, &mut paragraph);
+    random_choices(content, plan.as_ref(), &mut paragraph);
+    paragraph.pieces
+}
+
+/// By what matchers are judged, and with which program.
+fn task(content: &Content, paragraph: &mut Paragraph) {
+    let of = |model| content.summaries.iter().any(|s| s.model == model);
+    paragraph.say("Matchers are judged by ");
     // The paper of the benchmark has no homographies.
     if of(Model::Pose) {
-        say("the relative poses they lead to, as in MatchBench".to_owned());
-        pieces.push(Piece::Cite(vec![BENCHMARK.to_owned()]));
+        paragraph.say("the relative poses they lead to, as in MatchBench");
+        paragraph.cite_key(BENCHMARK);
     }
     let homographies = match [Model::Pose, Model::Homography].map(of) {
         [true, true] => ", and by the homographies they lead to",
         [false, true] => "the homographies they lead to",
         [_, false] => "",
     };
-    pieces.push(Piece::Text(format!(
-        "{homographies}, with matchbench {}",
-        env!("CARGO_PKG_VERSION")
-    )));
-    pieces.push(Piece::Cite(vec![TOOL.to_owned()]));
-    pieces.push(Piece::Text(". The data are ".to_owned()));
-    data(content, &mut pieces);
-    pieces.push(Piece::Text(". ".to_owned()));
+    let version = env!("CARGO_PKG_VERSION");
+    paragraph.say(format!("{homographies}, with matchbench {version}"));
+    paragraph.cite_key(TOOL);
+}
 
-    let mut matchers: Vec<&str> = Vec::new();
+/// The matchers, with their parameters and papers.
+fn matchers<'c>(content: &'c Content, plan: Option<&Plan>) -> Vec<(String, Vec<&'c str>)> {
+    let planned = || plan.into_iter().flat_map(|plan| &plan.matchers);
+    let named = |matcher: &&'c str| {
+        let params = planned().map(|planned| (&*planned.id, &planned.params));
+        let outside = planned().find(|planned| planned.id == **matcher);
+        let outside = outside.and_then(from_outside);
+        let name = title(matcher) + &outside.unwrap_or_else(|| changed(params, matcher));
+        let [of_matcher, ..] = references(matcher, "");
+        (name, of_matcher.into_iter().collect())
+    };
+    names_of(content).iter().map(named).collect()
+}
+
+/// The estimators, each with its parameters and papers, and with its matchers where these are not all.
+fn estimators<'c>(content: &'c Content, plan: Option<&Plan>) -> Vec<(String, Vec<&'c str>)> {
+    let planned = || plan.into_iter().flat_map(|plan| &plan.matchers);
     let mut estimators: Vec<(&str, Vec<&str>)> = Vec::new();
-    for summary in summaries {
-        if !matchers.contains(&&*summary.matcher) {
-            matchers.push(&summary.matcher);
-        }
+    for summary in &content.summaries {
         let at = estimators
             .iter()
             .position(|(id, _)| *id == summary.estimator);
@@ -104,50 +177,35 @@ fn pieces(content: &Content) -> Vec<Piece> {
             estimators[at].1.push(&summary.matcher);
         }
     }
-    pieces.push(Piece::Text("The matchers are ".to_owned()));
-    for (i, matcher) in matchers.iter().enumerate() {
-        let params = planned().map(|planned| (&*planned.id, &planned.params));
-        let outside = planned().find(|planned| planned.id == *matcher);
-        let outside = outside.and_then(from_outside);
-        let name = title(matcher) + &outside.unwrap_or_else(|| changed(params, matcher));
-        push(
-            &mut pieces,
-            i,
-            matchers.len(),
-            name,
-            &references(matcher, "")[..1],
-        );
-    }
-    let of = |model| summaries.iter().any(|s| s.model == model);
-    let estimated = match (of(Model::Pose), of(Model::Homography)) {
-        (_, false) => "pose",
-        (false, true) => "homography",
-        (true, true) => "pose or homography",
-    };
-    pieces.push(Piece::Text(format!(". The {estimated} is estimated by ")));
-    for (i, (estimator, its)) in estimators.iter().enumerate() {
+    let all = names_of(content).len();
+    let named = |(estimator, its): (&'c str, Vec<&str>)| {
         let mut name = if estimator.is_empty() {
             "an estimator that the results do not name".to_owned()
         } else {
-            (*estimator).to_owned()
+            estimator.to_owned()
         };
         // Every matcher lists its own estimators; those with the same name have the same parameters everywhere.
         let params = planned().flat_map(|matcher| &matcher.estimators);
         name += &changed(params.map(|e| (&*e.id, &e.params)), estimator);
-        if its.len() < matchers.len() {
+        if its.len() < all {
             let its: Vec<String> = its.iter().map(|id| title(id)).collect();
             let _ = write!(name, " (for {})", its.join(", "));
         }
-        push(
-            &mut pieces,
-            i,
-            estimators.len(),
-            name,
-            &references("", estimator)[1..],
-        );
+        let [_, papers @ ..] = references("", estimator);
+        (name, papers.into_iter().flatten().collect())
+    };
+    estimators.into_iter().map(named).collect()
+}
+
+/// The matchers that were scored, each once.
+fn names_of(content: &Content) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for summary in &content.summaries {
+        if !names.contains(&&*summary.matcher) {
+            names.push(&summary.matcher);
+        }
     }
-    protocol(content, plan.as_ref(), &mut pieces);
-    pieces
+    names
 }
 
 /// Where the matches of a planned matcher come from, if it is not built in: ` (from outside: NAME 1.2)`.
@@ -183,38 +241,9 @@ fn from_outside(matcher: &MatcherPlan) -> Option<String> {
     })
 }
 
-/// Adds one of several names, with its papers.
-fn push(pieces: &mut Vec<Piece>, i: usize, count: usize, name: String, papers: &[Option<&str>]) {
-    let between = match i {
-        0 => "",
-        _ if i + 1 == count => " and ",
-        _ => ", ",
-    };
-    pieces.push(Piece::Text(format!("{between}{name}")));
-    cite(pieces, papers.iter().copied().flatten());
-}
-
-/// Cites papers, and says first what those have to do with it that are not the method itself.
-fn cite<'p>(pieces: &mut Vec<Piece>, papers: impl Iterator<Item = &'p str>) {
-    let (others, own): (Vec<_>, Vec<_>) = papers
-        .flat_map(citations)
-        .partition(|paper| paper.role.is_some());
-    for other in others {
-        let role = other.role.unwrap_or_default();
-        pieces.push(Piece::Text(format!(" ({role}")));
-        pieces.push(Piece::Cite(vec![other.key]));
-        pieces.push(Piece::Text(")".to_owned()));
-    }
-    if !own.is_empty() {
-        pieces.push(Piece::Cite(
-            own.into_iter().map(|paper| paper.key).collect(),
-        ));
-    }
-}
-
 /// Datasets, pairs and sizes, with the papers of their sources:
 /// `room (10 of 435 pairs of fragments, 640 × 480 pixels) [...]`.
-fn data(content: &Content, pieces: &mut Vec<Piece>) {
+fn data(content: &Content, paragraph: &mut Paragraph) {
     let mut seen: Vec<&str> = Vec::new();
     for summary in &content.summaries {
         if seen.contains(&&*summary.dataset) {
@@ -241,8 +270,8 @@ fn data(content: &Content, pieces: &mut Vec<Piece>) {
         if let Some((width, height)) = facts.and_then(|facts| facts.resolution) {
             let _ = write!(text, ", {width} × {height} pixels");
         }
-        pieces.push(Piece::Text(text + ")"));
-        cite(pieces, facts.and_then(DatasetFacts::reference).into_iter());
+        paragraph.say(text + ")");
+        paragraph.cite(facts.and_then(DatasetFacts::reference));
     }
 }
 
@@ -277,71 +306,62 @@ fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<Strin
     }
 }
 
-fn protocol(content: &Content, plan: Option<&Plan>, pieces: &mut Vec<Piece>) {
-    let repetitions = content
-        .summaries
-        .iter()
-        .map(|s| s.repetitions)
-        .max()
-        .unwrap_or(1);
+/// What is scored, and how certain scores are.
+fn scores(content: &Content, paragraph: &mut Paragraph) {
     let of = |model| content.summaries.iter().any(|s| s.model == model);
-    let mut text = String::from(". ");
     if of(Model::Pose) {
-        let _ = write!(
-            text,
+        paragraph.say(format!(
             "{} The pose error is the larger of the angles of rotation and of (signed) translation; SP(k) is the \
              share of pairs below k degrees, and the AUC is the mean of SP(1) to SP(15). ",
             when_pairs_fail(protocols(&content.summaries))
-        );
+        ));
     }
     if of(Model::Homography) {
-        text.push_str(
+        paragraph.say(
             "The error of a homography is the mean distance at which it and the true one see the four corners \
              of the first image",
         );
-        pieces.push(Piece::Text(std::mem::take(&mut text)));
-        cite(pieces, [CORNER_ERROR].into_iter());
-        text.push_str(
+        paragraph.cite([CORNER_ERROR]);
+        paragraph.say(
             ", and its AUC at k pixels the exact area under recall over this error up to k pixels",
         );
-        pieces.push(Piece::Text(std::mem::take(&mut text)));
-        cite(pieces, [CORNER_AUC].into_iter());
-        text.push_str(". ");
+        paragraph.cite([CORNER_AUC]);
+        paragraph.say(". ");
     }
     match &content.lacking {
-        None => text.push_str("Failed and missing pairs stay in every denominator."),
-        Some(lacking) => {
-            let _ = write!(
-                text,
-                "Failed pairs stay in every denominator, but the run is not finished: {}, and in no score.",
-                lacking.extent()
-            );
-        }
+        None => paragraph.say("Failed and missing pairs stay in every denominator."),
+        Some(lacking) => paragraph.say(format!(
+            "Failed pairs stay in every denominator, but the run is not finished: {}. A missing pair counts as failed if \
+             another method has it, and not at all if none has.",
+            lacking.extent()
+        )),
     }
     let has_interval = |summary: &Summary| summary.auc().interval.is_some();
     if content.summaries.iter().any(has_interval) {
-        text.push_str(
+        paragraph.say(
             " Intervals are 95 % intervals of Student's t, whose variance takes pairs that share an image as dependent",
         );
-        pieces.push(Piece::Text(std::mem::take(&mut text)));
-        cite(pieces, [INTERVALS].into_iter());
-        text.push_str("; differences are paired.");
+        paragraph.cite([INTERVALS]);
+        paragraph.say("; differences are paired.");
     }
-    if repetitions > 1 {
-        let _ = write!(
-            text,
+}
+
+/// Repetitions, seed and what parameters are where none are named.
+fn random_choices(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragraph) {
+    let repetitions = content.summaries.iter().map(|s| s.repetitions).max();
+    if let Some(repetitions) = repetitions.filter(|&repetitions| repetitions > 1) {
+        paragraph.say(format!(
             " Every pair was run {repetitions} times with other random choices."
-        );
+        ));
     }
     if let Some(plan) = plan {
         let seed = plan.settings.seed;
-        let _ = write!(text, " All random choices follow from the seed {seed}.");
+        paragraph.say(format!(" All random choices follow from the seed {seed}."));
     }
-    text.push_str(" Parameters are the defaults of this version where none are named.");
+    paragraph.say(" Parameters are the defaults of this version where none are named.");
     for note in protocol_notes(&content.summaries) {
-        let _ = write!(text, " Where an estimator is called {note}.");
+        paragraph.say(format!(" Where an estimator is called {note}."));
     }
-    pieces.push(Piece::Text(text));
 }
 
 #[cfg(test)]

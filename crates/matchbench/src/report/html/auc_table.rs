@@ -8,7 +8,7 @@ use crate::counted::counted;
 use crate::metrics::{Angle, Model};
 
 use super::super::content::Content;
-use super::super::numbers::{NONE, interval, ratio};
+use super::super::numbers::{NONE, bracketed, interval, ratio};
 use super::super::overview::{Cell, Overview};
 
 /// One row per method, with the AUC of `angle` on each dataset.
@@ -43,6 +43,7 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
         rank => cell.rank,
         above => cell.above_baseline,
         group,
+        interval => bracketed(&cell.auc).trim_start(),
         tip,
     }
 }
@@ -63,5 +64,20 @@ mod tests {
         let alone = render(&content);
         assert!(alone.contains("true homography, from 0 to 1") && !alone.contains(">Rotation<"));
         assert_eq!(alone.matches("overview sortable").count(), 1);
+    }
+
+    #[test]
+    fn intervals_stand_in_the_cells() {
+        let content = content(&[("room", "sift", 6)]);
+        let interval = (content.summaries[0].auc().interval).expect("enough images");
+        let shown = format!(
+            "quiet\">[{:.3}, {:.3}]</small></td>",
+            interval.low, interval.high
+        );
+        let page = render(&content);
+        assert!(
+            page.contains("id=\"intervals\"") && page.contains(&shown),
+            "{shown}"
+        );
     }
 }
