@@ -57,7 +57,7 @@ impl Paragraph {
     }
 
     /// Lists names, each with its papers.
-    fn list<'p>(&mut self, names: Vec<(String, Vec<&'p str>)>) {
+    fn list(&mut self, names: Vec<(String, Vec<&str>)>) {
         let count = names.len();
         for (i, (name, papers)) in names.into_iter().enumerate() {
             let between = match i {

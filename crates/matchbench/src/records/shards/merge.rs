@@ -171,6 +171,7 @@ impl Merging<'_> {
         Ok(merged)
     }
 
+    /// The records of a method on a dataset, and their matches.
     fn dataset(
         &self,
         files: &Files<'_>,
@@ -193,49 +194,18 @@ impl Merging<'_> {
             records: RecordFile::new(record_path(folder)),
             entries: has_entries.then(|| EntryFile::new(entry_path(folder))),
         }));
-        let mut records = Output::new(record_path(self.out), b"");
-        let mut entries = Output::new(entry_path(self.out), &MAGIC);
-        let repetitions = self.plan.plan().settings.repetitions.get();
+        let mut out = Outputs {
+            records: Output::new(record_path(self.out), b""),
+            entries: Output::new(entry_path(self.out), &MAGIC),
+        };
         let mut merged = Merged::default();
         for stretch in stretches.iter() {
             let index = stretch.shard as usize - 1;
             let shard = shards.open(index);
             for _ in 0..stretch.pairs {
-                let mut pair = None;
-                // With an extractor, frames are noted when extracted; a source of matches notes the frames of each
-                // pair that it answered.
-                let mut is_noted = files.matcher.extraction.is_some();
-                for repetition in 0..repetitions {
-                    let Some((line, record)) = shard.records.next()? else {
-                        return Err(self.broken(index, "a record went away while it was merged"));
-                    };
-                    let (a, b) = *pair.get_or_insert((record.task.a, record.task.b));
-                    let task = Task {
-                        dataset: dataset.name.clone(),
-                        matcher: matcher.clone(),
-                        estimator: estimator.clone(),
-                        a,
-                        b,
-                        repetition,
-                    };
-                    if record.task != task {
-                        return Err(self.broken(index, "a record is of another task"));
-                    }
-                    records.write(line)?;
-                    merged.tasks += 1;
-                    merged.failed += u64::from(record.outcome.has_failed());
-                    is_noted |= !record.outcome.has_failed() || record.counts.selected > 0;
-                    if let Some(file) = &mut shard.entries
-                        && let Some(entry) = self.entry(index, files.matcher, file, &record)?
-                    {
-                        // An entry proves that the source answered, even with no matches.
-                        is_noted = true;
-                        entries.write(&entry)?;
-                    }
-                }
-                if let Some((a, b)) = pair {
-                    sink.see(index, a, b, is_noted);
-                }
+                let done = self.pair(files, dataset, index, shard, &mut out, sink)?;
+                merged.tasks += done.tasks;
+                merged.failed += done.failed;
             }
         }
         for (index, shard) in shards.all.iter_mut().enumerate() {
@@ -246,8 +216,57 @@ impl Merging<'_> {
             }
             shard.close();
         }
-        records.finish()?;
-        entries.finish()?;
+        out.records.finish()?;
+        out.entries.finish()?;
+        Ok(merged)
+    }
+
+    /// The records of the next pair of the `shard` with this index, and their matches.
+    fn pair(
+        &self,
+        files: &Files<'_>,
+        dataset: &DatasetPlan,
+        index: usize,
+        shard: &mut Shard,
+        out: &mut Outputs,
+        sink: &mut Sink<'_>,
+    ) -> Result<Merged, ShardError> {
+        let mut merged = Merged::default();
+        let mut pair = None;
+        // With an extractor, frames are noted when extracted; a source of matches notes the frames of each pair that it
+        // answered.
+        let mut is_noted = files.matcher.extraction.is_some();
+        for repetition in 0..self.plan.plan().settings.repetitions.get() {
+            let Some((line, record)) = shard.records.next()? else {
+                return Err(self.broken(index, "a record went away while it was merged"));
+            };
+            let (a, b) = *pair.get_or_insert((record.task.a, record.task.b));
+            let task = Task {
+                dataset: dataset.name.clone(),
+                matcher: files.matcher.id.clone(),
+                estimator: files.estimator.id.clone(),
+                a,
+                b,
+                repetition,
+            };
+            if record.task != task {
+                return Err(self.broken(index, "a record is of another task"));
+            }
+            out.records.write(line)?;
+            merged.tasks += 1;
+            merged.failed += u64::from(record.outcome.has_failed());
+            is_noted |= !record.outcome.has_failed() || record.counts.selected > 0;
+            if let Some(file) = &mut shard.entries
+                && let Some(entry) = self.entry(index, files.matcher, file, &record)?
+            {
+                // An entry proves that the source answered, even with no matches.
+                is_noted = true;
+                out.entries.write(&entry)?;
+            }
+        }
+        if let Some((a, b)) = pair {
+            sink.see(index, a, b, is_noted);
+        }
         Ok(merged)
     }
 
@@ -345,6 +364,12 @@ fn succeeded(path: PathBuf) -> Result<u64, StoreError> {
         number += u64::from(!record.outcome.has_failed());
     }
     Ok(number)
+}
+
+/// What is written of a method on a dataset.
+struct Outputs {
+    records: Output,
+    entries: Output,
 }
 
 /// Who is told of every pair.
