@@ -3,7 +3,8 @@
 //! Signals that were ignored when the program started stay ignored. `nohup` ignores the one that a closed terminal
 //! sends, and a script ignores Ctrl-C for what it starts in the background.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result};
 use matchbench::external;
@@ -28,19 +29,36 @@ fn ending() -> MutexGuard<'static, ()> {
     ENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A token that is set when the user stops the program, which also prints a message. The second time ends the process
-/// at once; then only the pairs in flight are lost.
-pub(crate) fn cancel_on_ctrl_c(said: &'static str) -> Result<Cancel> {
-    let cancel = Cancel::default();
-    let token = cancel.clone();
-    listen(move || {
-        if token.is_set() {
-            end();
-        }
-        token.set();
-        say!("\n{said}");
-    })?;
-    Ok(cancel)
+/// What happens when the user stops the program: until work has [begun](Self::begin), and the second time, the process
+/// ends at once; then at most the pairs in flight are lost. The first time after it has begun, a token is set and a
+/// message printed.
+#[derive(Clone, Default)]
+pub(crate) struct Stop {
+    cancel: Cancel,
+    has_begun: Arc<AtomicBool>,
+}
+
+impl Stop {
+    /// Listens from now on.
+    pub(crate) fn on_ctrl_c(said: &'static str) -> Result<Self> {
+        let stop = Self::default();
+        let heard = stop.clone();
+        listen(move || {
+            if heard.cancel.is_set() || !heard.has_begun.load(Ordering::Relaxed) {
+                end();
+            }
+            heard.cancel.set();
+            say!("\n{said}");
+        })?;
+        Ok(stop)
+    }
+
+    /// From now on there is something to be finished first. Before that, a dataset may be imported or a program started,
+    /// which takes long and leaves nothing half done.
+    pub(crate) fn begin(&self) -> &Cancel {
+        self.has_begun.store(true, Ordering::Relaxed);
+        &self.cancel
+    }
 }
 
 /// Lets the user end the process at once, with the matchers from outside that it started: where there is nothing to

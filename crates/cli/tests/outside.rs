@@ -414,3 +414,29 @@ fn a_check_keeps_its_log_where_the_folder_of_temporary_files_is_a_link() {
         said(&checked)
     );
 }
+
+#[test]
+fn while_a_program_starts_one_ctrl_c_ends_it_and_the_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    let (manifest, home) = toy(folder.path());
+    fs::write(home.join("toy.sh"), "echo $$ >> started; sleep 60\n").expect("writable");
+    let mut child = matchbench()
+        .args(["run", "--matchers"])
+        .arg(&manifest)
+        .arg("--out")
+        .args([&folder.path().join("run"), &wall])
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let patience = Instant::now() + Duration::from_secs(30);
+    while lines(&home.join("started")) == 0 {
+        assert!(Instant::now() < patience, "it is started");
+        sleep(Duration::from_millis(5));
+    }
+    send(stop_signal(), child.id());
+    let status = child.wait().expect("it ended");
+    assert_eq!(status.code(), Some(130));
+    assert!(Instant::now() < patience, "the program was not waited for");
+    assert_all_gone(&home);
+}

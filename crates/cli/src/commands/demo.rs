@@ -16,7 +16,7 @@ use super::{eval, report};
 use crate::Ending;
 use crate::args::DemoArgs;
 use crate::output::stdout;
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
     // Checked before minutes are spent on images.
@@ -38,10 +38,10 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         study(others, &[], args.out.clone()),
         study(plane, &["ransac-h", "best-h"], homographies.clone()),
     ];
-    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+    let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
     let mut ending = Ending::Done;
     for study in &studies {
-        match execute_until(study, &cancel)?.0 {
+        match execute_until(study, &stop)?.0 {
             Ending::Stopped => return Ok(Ending::Stopped),
             Ending::Done => {}
             Ending::SomeFailed => ending = Ending::SomeFailed,

@@ -18,7 +18,7 @@ use crate::Ending;
 use crate::args::ChoiceArgs;
 use crate::output::say;
 use crate::progress::Progress;
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 /// Printed when Ctrl-C stops a run.
 pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again to stop at once";
@@ -26,17 +26,17 @@ pub(crate) const AFTER_PAIRS: &str = "stopping after the pairs in flight; again 
 /// Runs what is left of a study, until it is complete or stopped, and prints how it ended. Returns that, and
 /// the folder of its run.
 pub(crate) fn execute(study: &Study) -> Result<(Ending, PathBuf)> {
-    let (ending, prepared) = execute_until(study, &cancel_on_ctrl_c(AFTER_PAIRS)?)?;
+    let (ending, prepared) = execute_until(study, &Stop::on_ctrl_c(AFTER_PAIRS)?)?;
     Ok((ending, prepared.folder))
 }
 
 /// The same if Ctrl-C is handled already; returns what was run.
-pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, Prepared)> {
+pub(crate) fn execute_until(study: &Study, stop: &Stop) -> Result<(Ending, Prepared)> {
     let prepared = study.prepare(&tell_news)?;
     for error in &prepared.absent {
         say!("error: {error}");
     }
-    let ending = match execute_run(&prepared.run(), cancel)? {
+    let ending = match execute_run(&prepared.run(), stop)? {
         Ending::Done if !prepared.absent.is_empty() => Ending::SomeFailed,
         ending => ending,
     };
@@ -44,7 +44,8 @@ pub(crate) fn execute_until(study: &Study, cancel: &Cancel) -> Result<(Ending, P
 }
 
 /// Runs what is left of a run, until it is complete or stopped, and prints how it ended.
-pub(crate) fn execute_run(run: &Run<'_>, cancel: &Cancel) -> Result<Ending> {
+pub(crate) fn execute_run(run: &Run<'_>, stop: &Stop) -> Result<Ending> {
+    let cancel = stop.begin();
     let bar = Progress::new();
     let summary = run.execute(&bar, cancel);
     bar.finish();

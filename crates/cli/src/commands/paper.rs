@@ -11,7 +11,7 @@ use super::job::{AFTER_PAIRS, changes, execute_until, tell_news};
 use crate::Ending;
 use crate::args::PaperArgs;
 use crate::output::say;
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     let mut out = std::io::stdout();
@@ -31,14 +31,14 @@ pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
         say!("{} is left out: {}", sequence.sequence, sequence.reason);
     }
     let is_broken = left_out.iter().any(|sequence| sequence.is_broken);
-    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
-    let (ending, prepared) = execute_until(&study, &cancel)?;
+    let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
+    let (ending, prepared) = execute_until(&study, &stop)?;
     if ending == Ending::Stopped {
         return Ok(ending);
     }
     let file = paper.folder().join("times.json");
     let told = |news: &str| say!("{news}");
-    let Some(times) = times(&prepared, &file, paper.timed_pairs(), &cancel, &told)? else {
+    let Some(times) = times(&prepared, &file, paper.timed_pairs(), stop.begin(), &told)? else {
         return Ok(Ending::Stopped);
     };
     let options = ReportOptions {

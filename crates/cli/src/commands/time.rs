@@ -14,7 +14,7 @@ use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::{changes, check_names};
 use crate::output::{say, stdout, write_result};
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     check_names(&args.matchers)?;
@@ -26,7 +26,8 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     }
     let dataset = Dataset::open(&args.dataset)?;
     let contenders = Contender::all_of(&args.matchers, &[], &changes(&args.set)?, None)?;
-    let cancel = cancel_on_ctrl_c("stopping")?;
+    let stop = Stop::on_ctrl_c("stopping")?;
+    let cancel = stop.begin();
     let mut out = stdout();
     let about = format!(
         "matchbench {}, {}; 1 thread, no cache; first {} of {}",
@@ -54,7 +55,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     let mut rows = Vec::new();
     for contender in &contenders {
         let id = contender.source.id();
-        let Some(timing) = time(&dataset, contender, args.pairs.get(), &cancel)? else {
+        let Some(timing) = time(&dataset, contender, args.pairs.get(), cancel)? else {
             return Ok(Ending::Stopped);
         };
         let stages = &timing.stages;

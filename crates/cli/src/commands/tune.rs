@@ -15,7 +15,7 @@ use crate::Ending;
 use crate::args::TuneArgs;
 use crate::output::stdout;
 use crate::progress::Progress;
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     check_names(&args.matchers)?;
@@ -35,12 +35,13 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
         folder: &args.out,
         cache: &cache(args.cache.as_deref(), &args.out),
     };
-    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+    let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
+    let cancel = stop.begin();
     let bar = Progress::new();
-    let done = tune(&tuning, &bar, &cancel);
+    let done = tune(&tuning, &bar, cancel);
     bar.finish();
     let done = done?;
-    let ending = tell(&done.summary, &args.out, &cancel);
+    let ending = tell(&done.summary, &args.out, cancel);
     match &done.tuned {
         Some(tuned) => ending.after(print(tuned, &args.parameter, &args.out)),
         None => Ok(ending),

@@ -13,10 +13,10 @@ use super::job::{AFTER_PAIRS, cache, changes, execute_run};
 use super::matches::named_files;
 use crate::Ending;
 use crate::args::WorkArgs;
-use crate::stop::cancel_on_ctrl_c;
+use crate::stop::Stop;
 
 pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
-    let cancel = cancel_on_ctrl_c(AFTER_PAIRS)?;
+    let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
     let home = ShardPlan::folder(&args.plan);
     let plan = ShardPlan::open(&home)?;
     plan.shard(args.shard)?;
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
         shard: Some(shard),
         ..Run::new(&datasets, &contenders, &folder)
     };
-    execute_run(&run, &cancel)
+    execute_run(&run, &stop)
 }
 
 /// The datasets of the plan, in its order, at their places on this machine, with the pairs of the shard.
