@@ -200,9 +200,9 @@ impl<'a> MatcherProgress<'a> {
     ) -> Result<(), StoreError> {
         let tasks = self.pairs.len().saturating_mul(self.repetitions as usize);
         let (dataset, matcher) = (&self.sequence.name, self.contender.source.id());
-        let estimators = self.estimators.iter().zip(&self.contender.estimators);
-        for ((estimator, variant), writer) in estimators.zip(writers) {
-            if !estimator.earlier.is_empty() && writer.recorded() == tasks {
+        for (variant, writer) in self.contender.estimators.iter().zip(writers) {
+            // A process that was killed may have taken over all that is there.
+            if writer.recorded() == tasks {
                 folder.remove_earlier([dataset, matcher, &variant.name])?;
             }
         }

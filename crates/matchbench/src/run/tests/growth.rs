@@ -105,7 +105,7 @@ fn a_run_that_grows_may_be_cut_off_anywhere_and_grow_again() {
     bench.settings = repeated(3);
     bench.run("whole").unwrap();
     let expected = bench.records("whole");
-    for stop in [1, 2, 7, 20] {
+    for stop in [1, 2, 7, 20, 64] {
         let _ = fs::remove_dir_all(bench.path("grown"));
         bench.settings = sampled(Some(3), 1);
         let done = bench.run("grown").unwrap().total;
@@ -128,6 +128,11 @@ fn a_run_that_grows_may_be_cut_off_anywhere_and_grow_again() {
                     .zip([0, 1].iter().cycle())
                     .all(|(a, b)| a == b)
             );
+        }
+        if stop == 64 {
+            // All of before is taken over in one file, which is not complete.
+            bench.run("grown").unwrap();
+            assert_eq!(earlier_files(&bench), 0);
         }
         bench.settings = repeated(3);
         let summary = bench.run("grown").unwrap();
