@@ -164,6 +164,7 @@ fn threads(command: &Command) -> Option<NonZeroUsize> {
         Command::Import(_)
         | Command::Plan(_)
         | Command::Merge(_)
+        | Command::Join(_)
         | Command::Show(_)
         | Command::Time(_)
         | Command::Export(_)
@@ -186,6 +187,7 @@ fn dispatch(command: &Command) -> anyhow::Result<Ending> {
         Command::Plan(args) => commands::plan::run(args),
         Command::Work(args) => commands::work::run(args),
         Command::Merge(args) => commands::merge::run(args),
+        Command::Join(args) => commands::join::run(args),
         Command::Tune(args) => commands::tune::run(args),
         Command::Eval(args) => commands::eval::run(args),
         Command::Report(args) => commands::report::run(args),

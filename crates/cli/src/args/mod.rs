@@ -18,8 +18,8 @@ pub(crate) use results::{
     ScoredArgs,
 };
 pub(crate) use runs::{
-    CheckArgs, ChoiceArgs, DemoArgs, MatchesArgs, MergeArgs, PaperArgs, PlanArgs, RunArgs,
-    ShowArgs, TimeArgs, TuneArgs, WorkArgs,
+    CheckArgs, ChoiceArgs, DemoArgs, JoinArgs, MatchesArgs, MergeArgs, PaperArgs, PlanArgs,
+    RunArgs, ShowArgs, TimeArgs, TuneArgs, WorkArgs,
 };
 
 /// Which feature matcher should I use?
@@ -62,6 +62,8 @@ pub(crate) enum Command {
     Work(WorkArgs),
     /// Merge all shards of a plan into one run
     Merge(MergeArgs),
+    /// Join runs of other matchers, estimators or datasets, from one machine or several, into one run
+    Join(JoinArgs),
     /// Choose a parameter of an estimator, on other scenes than those that will be reported
     Tune(TuneArgs),
     /// Score a run, or results in the format of the paper's authors

@@ -225,6 +225,25 @@ pub(crate) struct MergeArgs {
     pub out: PathBuf,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Runs are joined that have the same version of matchbench, seed, pairs and repetitions, and the same
+parameters of what both have. What both have recorded is taken from the one that has more of it.
+The result is a run like any other: `run` goes on with it, `eval` and `report` compare all its
+matchers.
+
+Examples:
+  matchbench join gpu/runs/learned runs/native --out runs/all
+  matchbench report runs/all")]
+pub(crate) struct JoinArgs {
+    /// Folders of runs
+    #[arg(value_name = "RUN", num_args = 2.., required = true)]
+    pub runs: Vec<PathBuf>,
+    /// Folder of the joined run, which must not be there yet
+    #[arg(long, value_name = "RUN")]
+    pub out: PathBuf,
+}
+
 /// The values of `--keep-matches`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum KeepArg {

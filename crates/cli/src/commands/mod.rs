@@ -9,6 +9,7 @@ pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod import;
 pub(crate) mod job;
+pub(crate) mod join;
 pub(crate) mod leaderboard;
 pub(crate) mod list;
 pub(crate) mod man;

@@ -207,7 +207,8 @@ fn what_decides(plan: &Plan, names_matchers: bool) -> Value {
     plan
 }
 
-fn first_difference(written: &Value, plan: &Value, at: &str) -> Option<String> {
+/// Where two values first differ, in words: `written` is that of `there`, and `plan` that of `here`.
+pub(super) fn first_difference(written: &Value, plan: &Value, at: &str) -> Option<String> {
     match (written, plan) {
         (Value::Object(written), Value::Object(plan)) => {
             let names: BTreeSet<&String> = written.keys().chain(plan.keys()).collect();

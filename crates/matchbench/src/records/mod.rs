@@ -10,6 +10,7 @@ mod error;
 mod folder;
 mod growth;
 pub(crate) mod images;
+mod joined;
 mod line;
 pub mod matches;
 mod outcome;
@@ -22,6 +23,7 @@ mod tuned;
 pub use broken::BrokenTasks;
 pub use error::FolderError;
 pub use folder::{RunFolder, RunWriter, run_of_part};
+pub use joined::{JoinError, Joined, join};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
 pub use plan::{

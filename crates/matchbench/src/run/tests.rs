@@ -4,6 +4,7 @@ mod again;
 mod faults;
 mod growth;
 mod homographies;
+mod joined;
 mod outside;
 mod pixels;
 mod selection;

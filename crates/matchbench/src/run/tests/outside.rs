@@ -65,7 +65,7 @@ impl Flaky {
         self.with(&["first", "second"])
     }
 
-    fn with(self, estimators: &[&str]) -> Contender {
+    pub(super) fn with(self, estimators: &[&str]) -> Contender {
         let estimators = estimators.iter().map(|id| Toy::default().estimator(id));
         Contender {
             source: Source::Points(BuiltPointSource {

@@ -1,0 +1,41 @@
+//! `matchbench join`: joins runs into one.
+
+use std::io::Write;
+
+use anyhow::Result;
+use matchbench::counted::counted;
+use matchbench::records::{Joined, join};
+
+use super::job::tell_reasons;
+use crate::Ending;
+use crate::args::JoinArgs;
+use crate::output::{say, stdout, typed};
+
+pub(crate) fn run(args: &JoinArgs) -> Result<Ending> {
+    let Joined {
+        planned,
+        recorded,
+        failed,
+    } = join(&args.runs, &args.out)?;
+    let runs = counted(args.runs.len(), "run");
+    say!(
+        "{} of {runs}; records in {}",
+        counted(recorded, "task"),
+        args.out.display()
+    );
+    if recorded < planned {
+        say!(
+            "{} of {} are missing; `matchbench run` with all datasets and matchers goes on",
+            planned - recorded,
+            counted(planned, "planned task")
+        );
+    }
+    let printed = writeln!(stdout(), "Next: matchbench eval {}", typed(&args.out));
+    let mut ending = Ending::Done;
+    if failed > 0 {
+        say!("{} FAILED, counted as wrong", counted(failed, "task"));
+        tell_reasons(&args.out);
+        ending = Ending::SomeFailed;
+    }
+    ending.after(printed)
+}

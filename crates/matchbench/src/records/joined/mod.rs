@@ -1,0 +1,338 @@
+//! Joins runs of other matchers, estimators or datasets into one run: of the learned matchers on a machine with a GPU and
+//! of the others elsewhere, or of two people.
+//!
+//! Records depend on the plan alone, so records of two plans that agree in what both have are those of one plan, see
+//! [`plan`](mod@plan). What both runs have recorded is taken from the one that has more of it. A native matcher has the same
+//! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
+//!
+//! All that is joined is read and checked before anything is written. The result is a run like any other: it can be
+//! scored, reported, and go on.
+
+mod plan;
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::images::ImageNotes;
+use super::line::to_line;
+use super::{
+    FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError, Tuned, matches,
+    store,
+};
+use crate::files::{WholeFile, open_file};
+use plan::joined;
+
+/// Why runs cannot be joined.
+#[derive(Debug, thiserror::Error)]
+pub enum JoinError {
+    /// They are not runs of one plan.
+    #[error(
+        "{} cannot be joined with {}: {difference}; runs that are joined have the same version, seed, pairs and \
+         repetitions, and the same parameters of what both have",
+        run.display(), first.display()
+    )]
+    Differ {
+        /// The first run.
+        first: PathBuf,
+        /// The run that has something else.
+        run: PathBuf,
+        /// What, in words.
+        difference: String,
+    },
+    /// A run is a part of a larger one.
+    #[error("{} is one shard of a run; make a run of all shards first, with `matchbench merge`", run.display())]
+    Shard {
+        /// The shard.
+        run: PathBuf,
+    },
+    /// A matcher from outside is in two runs with other estimators, whose matches need not be the same.
+    #[error(
+        "{matcher} is in {} and in {} with other estimators on {dataset}, and a matcher from outside need not find the \
+         same matches twice; run these estimators in one of them, whose matches they then get",
+        runs[0].display(), runs[1].display()
+    )]
+    Twice {
+        /// The matcher.
+        matcher: String,
+        /// The dataset.
+        dataset: String,
+        /// The runs.
+        runs: [PathBuf; 2],
+    },
+    /// The images of a dataset are others.
+    #[error(
+        "the {what} of frame {frame} of {dataset} was another in {} than in the other runs; results for different \
+         images are not joined",
+        run.display()
+    )]
+    OtherImage {
+        /// `image` or `depth`.
+        what: &'static str,
+        /// The dataset.
+        dataset: String,
+        /// The frame.
+        frame: u32,
+        /// The run that has another.
+        run: PathBuf,
+    },
+    /// There is a run already.
+    #[error("{} holds a run already; choose another folder", out.display())]
+    Taken {
+        /// The folder.
+        out: PathBuf,
+    },
+    /// A folder cannot be read or written.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Records or matches cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Another file cannot be written.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// What was joined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Joined {
+    /// Results that are planned.
+    pub planned: u64,
+    /// Those that are recorded.
+    pub recorded: u64,
+    /// Those that failed.
+    pub failed: u64,
+}
+
+/// Joins these `runs` into a new one in the folder `out`.
+///
+/// # Errors
+/// If one is no run or damaged, if they contradict each other, or if `out` holds a run or cannot be written to.
+pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
+    if RunFolder::is_at(out) {
+        return Err(JoinError::Taken { out: out.into() });
+    }
+    let folders = (runs.iter().map(|run| RunFolder::open(run))).collect::<Result<Vec<_>, _>>()?;
+    let plan = joined(&folders)?;
+    let images = Images::of(&folders, &plan)?;
+    let taken = taken(&folders, &plan)?;
+    let writer = RunWriter::start(out, plan)?;
+    let tuned = all_tuned(&folders)?;
+    if !tuned.is_empty() {
+        writer.note_tuned(&tuned)?;
+    }
+    images.write(&writer)?;
+    let plan = writer.folder().plan();
+    let mut done = Joined {
+        planned: planned(plan),
+        ..Joined::default()
+    };
+    for taken in &taken {
+        taken.write(out, &mut done)?;
+    }
+    Ok(done)
+}
+
+/// How many results are planned.
+fn planned(plan: &Plan) -> u64 {
+    let mut planned = 0_u64;
+    for dataset in &plan.datasets {
+        let runs = |matcher: &&MatcherPlan| {
+            (dataset.matchers.as_ref()).is_none_or(|ids| ids.contains(&matcher.id))
+        };
+        let methods = plan.matchers.iter().filter(runs);
+        let methods: usize = methods.map(|matcher| matcher.estimators.len()).sum();
+        planned =
+            planned.saturating_add((plan.tasks_on(dataset) as u64).saturating_mul(methods as u64));
+    }
+    planned
+}
+
+/// What is taken of a matcher on a dataset, and from which runs.
+struct Taken<'f> {
+    dataset: String,
+    matcher: String,
+    /// Of the selected matches, if any are kept.
+    matches: Option<&'f RunFolder>,
+    /// Of each estimator that has records.
+    records: Vec<(String, &'f RunFolder)>,
+}
+
+/// From which run what is taken.
+fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, JoinError> {
+    let mut all = Vec::new();
+    for dataset in &plan.datasets {
+        for matcher in &plan.matchers {
+            let of = |estimator: &str| [&*dataset.name, &*matcher.id, estimator].map(str::to_owned);
+            let mut found = BTreeMap::new();
+            for (place, folder) in folders.iter().enumerate() {
+                for estimator in &matcher.estimators {
+                    let count = records(folder, &of(&estimator.id))?;
+                    if count > 0 {
+                        found.insert((&*estimator.id, place), count);
+                    }
+                }
+            }
+            let places: Vec<usize> = match matcher.extraction {
+                Some(_) => (0..folders.len()).collect(),
+                None => vec![only(folders, &dataset.name, matcher, &found)?],
+            };
+            let most = |estimator: &str| {
+                let has = |place: &&usize| found.contains_key(&(estimator, **place));
+                // The first of those that have the most.
+                let place = (places.iter().rev().filter(has))
+                    .max_by_key(|place| found[&(estimator, **place)]);
+                place.map(|place| (estimator.to_owned(), &folders[*place]))
+            };
+            let records: Vec<_> = (matcher.estimators.iter())
+                .filter_map(|estimator| most(&estimator.id))
+                .collect();
+            let size = |place: &&usize| {
+                let file = matches::path(folders[**place].path(), &dataset.name, &matcher.id);
+                file.metadata().map_or(0, |file| file.len())
+            };
+            let largest = (places.iter().rev().filter(|place| size(place) > 0)).max_by_key(size);
+            all.push(Taken {
+                dataset: dataset.name.clone(),
+                matcher: matcher.id.clone(),
+                matches: largest.map(|place| &folders[*place]),
+                records,
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// The run with the most records of a matcher from outside on a dataset, which must have what the others have.
+fn only(
+    folders: &[RunFolder],
+    dataset: &str,
+    matcher: &MatcherPlan,
+    found: &BTreeMap<(&str, usize), u64>,
+) -> Result<usize, JoinError> {
+    let all = |place: usize| {
+        let here = found.iter().filter(|((_, other), _)| *other == place);
+        here.map(|(_, count)| count).sum::<u64>()
+    };
+    let place = (0..folders.len()).rev().max_by_key(|&place| all(place));
+    let place = place.unwrap_or_default();
+    let lacking = found
+        .keys()
+        .find(|(id, _)| !found.contains_key(&(*id, place)));
+    match lacking {
+        None => Ok(place),
+        Some(&(_, other)) => Err(JoinError::Twice {
+            matcher: matcher.id.clone(),
+            dataset: dataset.to_owned(),
+            runs: [&folders[place], &folders[other]].map(|run| run.path().to_path_buf()),
+        }),
+    }
+}
+
+/// The number of records of these names: dataset, matcher and estimator.
+fn records(folder: &RunFolder, names: &[String; 3]) -> Result<u64, StoreError> {
+    let mut count = 0;
+    folder.for_each_of(names.each_ref().map(|name| &**name), |_| count += 1)?;
+    Ok(count)
+}
+
+impl Taken<'_> {
+    /// Writes it into the run `out`: matches first, since records refer to them.
+    fn write(&self, out: &Path, done: &mut Joined) -> Result<(), JoinError> {
+        if let Some(folder) = self.matches {
+            let path = |run: &Path| matches::path(run, &self.dataset, &self.matcher);
+            copy_matches(&path(folder.path()), &path(out))?;
+        }
+        for (estimator, folder) in &self.records {
+            let inliers =
+                |run: &Path| matches::inliers_path(run, &self.dataset, &self.matcher, estimator);
+            if inliers(folder.path()).exists() {
+                copy_matches(&inliers(folder.path()), &inliers(out))?;
+            }
+            let file = store::path(out, &self.dataset, &self.matcher, estimator);
+            let mut file = WholeFile::create(&file)?;
+            let mut written = Ok(());
+            folder.for_each_of([&self.dataset, &self.matcher, estimator], |record| {
+                if written.is_ok() {
+                    written = file.write_all(&to_line(&record));
+                }
+                done.recorded += 1;
+                done.failed += u64::from(record.outcome.has_failed());
+            })?;
+            written?;
+            file.finish()?;
+        }
+        Ok(())
+    }
+}
+
+/// Copies a file of matches that is none but that.
+fn copy_matches(from: &Path, to: &Path) -> Result<(), JoinError> {
+    MatchesFile::open(from)?;
+    let mut source = open_file(from).map_err(StoreError::io("read", from))?;
+    let mut copy = WholeFile::create(to)?;
+    io::copy(&mut source, &mut copy)?;
+    copy.finish()?;
+    Ok(())
+}
+
+/// The notes of the images, and of their depth, of each dataset.
+struct Images {
+    notes: Vec<(String, &'static str, BTreeMap<u32, blake3::Hash>)>,
+}
+
+impl Images {
+    /// Those of all runs, which must agree.
+    fn of(folders: &[RunFolder], plan: &Plan) -> Result<Self, JoinError> {
+        let mut notes = Vec::new();
+        for dataset in &plan.datasets {
+            for what in ["image", "depth"] {
+                let mut all = BTreeMap::new();
+                for folder in folders {
+                    for (&frame, &hash) in noted(folder, what, &dataset.name)?.known() {
+                        if *all.entry(frame).or_insert(hash) != hash {
+                            return Err(JoinError::OtherImage {
+                                what,
+                                dataset: dataset.name.clone(),
+                                frame,
+                                run: folder.path().into(),
+                            });
+                        }
+                    }
+                }
+                notes.push((dataset.name.clone(), what, all));
+            }
+        }
+        Ok(Self { notes })
+    }
+
+    fn write(&self, writer: &RunWriter) -> Result<(), FolderError> {
+        for (dataset, what, all) in &self.notes {
+            let mut notes = noted(writer.folder(), what, dataset)?;
+            for (&frame, &hash) in all {
+                notes.note(frame, writer.folder().path(), hash)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn noted(folder: &RunFolder, what: &str, dataset: &str) -> Result<ImageNotes, FolderError> {
+    match what {
+        "image" => folder.images_of(dataset),
+        _ => folder.depth_of(dataset),
+    }
+}
+
+/// The settings that any of the runs took over from tuning, each once.
+fn all_tuned(folders: &[RunFolder]) -> Result<Vec<Tuned>, FolderError> {
+    let mut all = Vec::new();
+    for folder in folders {
+        for tuned in folder.tuned()? {
+            if !all.contains(&tuned) {
+                all.push(tuned);
+            }
+        }
+    }
+    Ok(all)
+}

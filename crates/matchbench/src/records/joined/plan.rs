@@ -1,0 +1,157 @@
+//! The plan of joined runs: what each of them planned, where they agree.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::super::growth::first_difference;
+use super::super::{DatasetPlan, FORMAT, MatcherPlan, Plan, RunFolder};
+use super::JoinError;
+
+/// The plan of all these runs: the datasets, matchers and estimators of each.
+///
+/// # Errors
+/// If one is a shard, or they differ in what both have.
+pub(super) fn joined(folders: &[RunFolder]) -> Result<Plan, JoinError> {
+    let mut plan: Option<Plan> = None;
+    // The matchers of each dataset.
+    let mut run_on: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for folder in folders {
+        let other = Plan {
+            format: FORMAT,
+            ..folder.plan().modernized()
+        };
+        if other.shard.is_some() {
+            return Err(JoinError::Shard {
+                run: folder.path().into(),
+            });
+        }
+        for dataset in &other.datasets {
+            let all = || other.matchers.iter().map(|matcher| matcher.id.clone());
+            let own = dataset.matchers.clone().unwrap_or_else(|| all().collect());
+            run_on.entry(dataset.name.clone()).or_default().extend(own);
+        }
+        match &mut plan {
+            None => plan = Some(other),
+            Some(plan) => add(plan, other).map_err(|difference| JoinError::Differ {
+                first: folders[0].path().into(),
+                run: folder.path().into(),
+                difference,
+            })?,
+        }
+    }
+    let mut plan = plan.ok_or_else(|| JoinError::Io(std::io::Error::other("no run is given")))?;
+    let ids: Vec<String> = plan
+        .matchers
+        .iter()
+        .map(|matcher| matcher.id.clone())
+        .collect();
+    let own = |dataset: &DatasetPlan| -> Vec<String> {
+        let run = &run_on[&dataset.name];
+        ids.iter().filter(|id| run.contains(id)).cloned().collect()
+    };
+    let of_each: Vec<Vec<String>> = plan.datasets.iter().map(own).collect();
+    let all_have_all = of_each.iter().all(|of| *of == ids);
+    for (dataset, own) in plan.datasets.iter_mut().zip(of_each) {
+        dataset.matchers = (!all_have_all).then_some(own);
+    }
+    Ok(plan)
+}
+
+/// Adds to a `plan` what `other` has more, or says in words in what both differ.
+fn add(plan: &mut Plan, other: Plan) -> Result<(), String> {
+    let decides = |plan: &Plan| json!({"version": plan.version, "settings": plan.settings});
+    same(&decides(plan), &decides(&other), "")?;
+    for dataset in other.datasets {
+        match plan
+            .datasets
+            .iter()
+            .find(|known| known.name == dataset.name)
+        {
+            None => plan.datasets.push(dataset),
+            Some(known) if known.fingerprint != dataset.fingerprint => {
+                return Err(format!(
+                    "the cameras, pairs or true poses of the dataset `{}` are others there",
+                    dataset.name
+                ));
+            }
+            Some(_) => {}
+        }
+    }
+    for matcher in other.matchers {
+        match plan
+            .matchers
+            .iter_mut()
+            .find(|known| known.id == matcher.id)
+        {
+            None => plan.matchers.push(matcher),
+            Some(known) => add_estimators(known, matcher)?,
+        }
+    }
+    Ok(())
+}
+
+/// Adds the estimators that `other`, the same matcher, has more.
+fn add_estimators(known: &mut MatcherPlan, other: MatcherPlan) -> Result<(), String> {
+    let at = format!("matchers.{}", known.id);
+    if let (Some(ours), Some(theirs)) = (
+        known.params.get_mut("datasets"),
+        other.params.get("datasets"),
+    ) {
+        add_files(ours, theirs, &at)?;
+        // The rest must be the same.
+        let (mut a, mut b) = (known.params.clone(), other.params.clone());
+        (a["datasets"], b["datasets"]) = (Value::Null, Value::Null);
+        same(&a, &b, &format!("{at}.params"))?;
+    } else {
+        same(&known.params, &other.params, &format!("{at}.params"))?;
+    }
+    let decides = |matcher: &MatcherPlan| json!({"version": matcher.version, "extraction": matcher.extraction});
+    same(&decides(known), &decides(&other), &at)?;
+    // Earlier plans did not say how a program is started.
+    known.command = known.command.take().or(other.command);
+    for note in other.notes {
+        if !known.notes.contains(&note) {
+            known.notes.push(note);
+        }
+    }
+    for estimator in other.estimators {
+        match known
+            .estimators
+            .iter()
+            .find(|known| known.id == estimator.id)
+        {
+            None => known.estimators.push(estimator),
+            Some(known) => {
+                let json = |plan| serde_json::to_value(plan).expect("a plan is plain JSON");
+                same(
+                    &json(known),
+                    &json(&estimator),
+                    &format!("{at}.estimators.{}", estimator.id),
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Matches from files say for each dataset where they are from: adds the datasets that `theirs` have more.
+fn add_files(ours: &mut Value, theirs: &Value, at: &str) -> Result<(), String> {
+    let (Some(ours), Some(theirs)) = (ours.as_array_mut(), theirs.as_array()) else {
+        return same(ours, theirs, at);
+    };
+    for files in theirs {
+        match ours
+            .iter()
+            .find(|known| known.get("name") == files.get("name"))
+        {
+            None => ours.push(files.clone()),
+            Some(known) => same(known, files, &format!("{at}.params.datasets"))?,
+        }
+    }
+    Ok(())
+}
+
+fn same(ours: &Value, theirs: &Value, at: &str) -> Result<(), String> {
+    first_difference(theirs, ours, at).map_or(Ok(()), Err)
+}
