@@ -1,10 +1,11 @@
 //! Shows the progress of a run.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use matchbench::counted::counted;
 use matchbench::records::{Plan, RunRecord};
 use matchbench::run::{Observer, RunSummary};
@@ -15,6 +16,8 @@ use crate::output::say;
 /// line is written now and then, for the log of a job.
 pub(crate) struct Progress {
     bar: ProgressBar,
+    /// Tasks that were done before this process began.
+    before: Arc<AtomicU64>,
     /// Whether a task was done, so that the time left can be told.
     has_speed: AtomicBool,
     /// When the last line was written, where there is no terminal.
@@ -26,7 +29,7 @@ const BETWEEN_LINES: Duration = Duration::from_secs(60);
 
 /// What is drawn before the first task is done: how long one takes is not known yet.
 const WITHOUT_SPEED: &str = "{prefix:<24} {bar:30} {pos}/{len} tasks  {msg}";
-const WITH_SPEED: &str = "{prefix:<24} {bar:30} {pos}/{len} tasks  {per_sec}  {eta} left  {msg}";
+const WITH_SPEED: &str = "{prefix:<24} {bar:30} {pos}/{len} tasks  {per_sec}  {left} left  {msg}";
 
 impl Progress {
     pub(crate) fn new() -> Self {
@@ -36,6 +39,7 @@ impl Progress {
         bar.enable_steady_tick(Duration::from_millis(200));
         Self {
             bar,
+            before: Arc::default(),
             has_speed: AtomicBool::new(false),
             last_line,
         }
@@ -46,9 +50,16 @@ impl Progress {
     }
 
     fn draw_as(&self, template: &str) {
-        let style = ProgressStyle::with_template(template);
-        self.bar
-            .set_style(style.expect("the template is a constant"));
+        let style = ProgressStyle::with_template(template).expect("the template is a constant");
+        let before = Arc::clone(&self.before);
+        let left = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+            let (done, all) = (state.pos(), state.len().unwrap_or_default());
+            let left = left(state.elapsed(), before.load(Ordering::Relaxed), done, all);
+            let left = left.map_or_else(|| "-".to_owned(), |left| HumanDuration(left).to_string());
+            // Nothing is drawn where this fails.
+            let _ = out.write_str(&left);
+        };
+        self.bar.set_style(style.with_key("left", left));
     }
 
     /// Writes how far the run is, if nothing draws that and the last line was long ago.
@@ -62,18 +73,31 @@ impl Progress {
         }
         *last = Instant::now();
         let (done, all) = (self.bar.position(), self.bar.length().unwrap_or_default());
-        let left = HumanDuration(self.bar.eta());
+        let before = self.before.load(Ordering::Relaxed);
+        let left = left(self.bar.elapsed(), before, done, all);
+        let left = left.map(|left| format!(", about {} left", HumanDuration(left)));
         say!(
-            "{}: {done} of {all} tasks, about {left} left",
-            self.bar.prefix()
+            "{}: {done} of {all} tasks{}",
+            self.bar.prefix(),
+            left.unwrap_or_default()
         );
     }
+}
+
+/// The time left, if tasks take as long as those that were done in the time that has `elapsed`, after those of `before`;
+/// `None` if none was done. It is the mean of all, since tasks come in bursts: the pairs of an image after its features.
+fn left(elapsed: Duration, before: u64, done: u64, all: u64) -> Option<Duration> {
+    let now = done.checked_sub(before).filter(|&now| now > 0)?;
+    let each = elapsed.as_secs_f64() / now as f64;
+    Duration::try_from_secs_f64(each * all.saturating_sub(done) as f64).ok()
 }
 
 impl Observer for Progress {
     fn on_plan(&self, _: &Plan, summary: RunSummary) {
         self.bar.set_length(summary.total as u64);
         self.bar.set_position(summary.before as u64);
+        self.before.store(summary.before as u64, Ordering::Relaxed);
+        self.bar.reset_elapsed();
         self.bar.reset_eta();
         self.draw_as(WITHOUT_SPEED);
     }
@@ -101,11 +125,25 @@ impl Observer for Progress {
     }
 
     fn on_record(&self, _: &RunRecord) {
+        self.bar.set_message("");
+        self.bar.inc(1);
         if !self.has_speed.swap(true, Ordering::Relaxed) {
             self.draw_as(WITH_SPEED);
         }
-        self.bar.set_message("");
-        self.bar.inc(1);
         self.write_line();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_is_that_of_the_tasks_of_this_process() {
+        let minute = Duration::from_secs(60);
+        assert_eq!(left(minute, 100, 100, 400), None);
+        assert_eq!(left(minute, 100, 150, 400), Some(5 * minute));
+        assert_eq!(left(minute, 0, 400, 400), Some(Duration::ZERO));
+        assert_eq!(left(minute, 200, 100, 400), None);
     }
 }
