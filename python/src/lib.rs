@@ -52,7 +52,7 @@ mod native {
     #[pymodule_export]
     use crate::matchers::{Matcher, Matches};
     #[pymodule_export]
-    use crate::run::{command_line, pair_seed, run};
+    use crate::run::{command_line, join, pair_seed, run};
     #[pymodule_export]
     use crate::scores::{evaluate, report};
     #[pymodule_export]

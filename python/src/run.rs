@@ -12,7 +12,7 @@ use std::time::Duration;
 use matchbench::config::Changes;
 use matchbench::counted::counted;
 use matchbench::external;
-use matchbench::records::{KeepMatches, RunFolder};
+use matchbench::records::{self, KeepMatches, RunFolder};
 use matchbench::run::{Cancel, Run, RunSummary, pair_seed as seed_of_pair};
 use matchbench::study::Study;
 use matchbench_cli::plain;
@@ -20,6 +20,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::datasets::Dataset;
+use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::integers::whole;
 use crate::progress::Progress;
@@ -193,6 +194,13 @@ fn listening(
         Some(raised) => Err(raised),
         None => ended.map_err(error),
     }
+}
+
+/// Joins runs into one; returns how many results are planned, recorded and failed.
+#[pyfunction]
+pub(crate) fn join(py: Python<'_>, runs: Vec<PathBuf>, out: PathBuf) -> PyResult<(u64, u64, u64)> {
+    let done = detached(py, || records::join(&runs, &out).map_err(error))??;
+    Ok((done.planned, done.recorded, done.failed))
 }
 
 /// The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run.

@@ -59,6 +59,24 @@ def test_a_sample_is_taken_out_of_what_the_limit_leaves(dataset, tmp_path):
         assert json.loads((run.path / "plan.json").read_text())["settings"]["sample"] == 2
 
 
+def test_a_run_grows_and_runs_are_joined(dataset, tmp_path):
+    """A part first, then more pairs and repetitions; another matcher elsewhere; all of it in one run."""
+    first = mb.run(dataset, "orb", "ransac-e", out=tmp_path / "a", sample=1)
+    grown = mb.run(dataset, "orb", "ransac-e", out=tmp_path / "a", repeat=2)
+    assert (grown.before, grown.is_complete) == (first.total, True) and grown.total > first.total
+    other = mb.run(dataset, "brisk", "ransac-e", out=tmp_path / "b", repeat=2)
+    joined = mb.join([grown, tmp_path / "b"], out=tmp_path / "all")
+    assert joined.is_complete and joined.total == grown.total + other.total
+    both = mb.run(dataset, ["orb", "brisk"], "ransac-e", out=tmp_path / "both", repeat=2)
+    scores = [mb.evaluate(run) for run in (joined, both)]
+    for name in ("matcher", "auc", "pairs"):
+        np.testing.assert_array_equal(scores[0][name], scores[1][name])
+    with pytest.raises(mb.Error, match="holds a run already"):
+        mb.join([grown, other], out=tmp_path / "all")
+    with pytest.raises(ValueError, match="give at least one"):
+        mb.join([], out=tmp_path / "none")
+
+
 def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
     staged = Staged()
     matchers = ["sift", mb.matcher("orb", ratio=0.8), by_orb, staged]

@@ -51,7 +51,7 @@ from ._native import (
     read_gray,
 )
 from ._pose import CameraPose, estimate_relative_pose, estimator
-from ._runs import Run, report, run
+from ._runs import Run, join, report, run
 from ._scores import Scores, evaluate
 from ._selectors import adalam, code, gaim, gms, kvld, repmatch
 from ._show import Picture, show
@@ -104,6 +104,7 @@ __all__ = [
     "gaim",
     "gms",
     "import_dataset",
+    "join",
     "kvld",
     "match",
     "matcher",

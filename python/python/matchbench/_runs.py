@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ._matches_from import MatchesFrom
 from ._matchers import Matcher
 from ._native import Dataset, Estimator
+from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
 from ._params import several, to_json
@@ -121,6 +122,15 @@ def run(
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Run(Path(out), *tasks)
+
+
+def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
+    """Makes one run, in the folder `out`, of several with other matchers, estimators or datasets, as `matchbench join` does:
+    of learned matchers on a machine with a GPU, and of others elsewhere. They must have the same version, seed, pairs
+    and repetitions. What is missing in it can be run by `run` into that folder."""
+    folders = [run.path if isinstance(run, Run) else run for run in _some("runs", runs, "give at least one")]
+    planned, recorded, failed = native_join(folders, out)
+    return Run(Path(out), planned, recorded, 0, failed)
 
 
 def report(
