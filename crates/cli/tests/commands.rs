@@ -494,7 +494,10 @@ fn eval_says_who_is_best_and_how_certainly() {
     assert!(done.status.success(), "{}", text(&done.stderr));
     let told_of_few = text(&run(&["eval", &of_few]).stdout);
     assert!(
-        told_of_few.contains("nothing is certain below 6 images that are in several pairs, or pairs that share no image; there are 5"),
+        told_of_few.contains(
+            "nothing is certain below 6 independent units (images that are in several pairs, and pairs that share no \
+             image); there are 5"
+        ),
         "{told_of_few}"
     );
     let eval = |format: &str| run(&["eval", &out, "--format", format, "--intervals"]);

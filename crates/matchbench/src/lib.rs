@@ -1,9 +1,10 @@
 //! Which feature matcher should I use? Datasets in, a report out.
 //!
 //! A dataset has images with known cameras, and pairs with the true relative pose. Matchers are run on every pair,
-//! estimators make a pose of the matches, and the angle to the true pose is recorded. Scores are functions of the
-//! records: after the paper *MatchBench: An Evaluation of Feature Matchers* (Bian et al.), the portion of pairs
-//! within 1 to 15 degrees (SP curves), its mean (AUC) and the mean number of matches (AP).
+//! estimators compute a pose from the matches, and its angular error is recorded. Scores are functions of the records,
+//! as in the paper *MatchBench: An Evaluation of Feature Matchers* (Bian et al.): the share of pairs with an error
+//! below 1 to 15 degrees (SP curves), the mean of these shares (AUC), and the mean number of correspondences of right
+//! pairs (AP).
 //!
 //! Two matchers on a rendered scene, and their table:
 //!

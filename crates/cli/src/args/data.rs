@@ -33,7 +33,7 @@ The pairs of the paper, and more:
   window:9            every image against the next 9
   window:9,stride:15  the same on every 15th image; the others are left out
   list:FILE           a pair a line: names of images, or numbers of frames of OUT from 0
-  covisible:0.1..0.7  pairs that share such a part of their points (COLMAP models)")]
+  covisible:0.1..0.7  pairs that share this fraction of their points (COLMAP models)")]
 pub(crate) struct ImportArgs {
     /// What SRC is: tum, kitti, strecha, 7scenes, folder, superglue, image-pairs, scannet, scannet-raw,
     /// megadepth, colmap, nerf, imc, euroc, zeb, hpatches, oxford, evd or rendered
@@ -59,10 +59,12 @@ pub(crate) struct ImportArgs {
     /// Whether the images stay where they are, are linked to, or are copied
     #[arg(long, value_enum, default_value_t = Images::Reference)]
     pub images: Images,
-    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), if SRC has none or another one shall be used
+    /// 3x3 calibration matrix (and distortion `k1 k2 p1 p2 [k3]`), if SRC has none, or to use instead of the
+    /// one in SRC
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
-    /// The poses (KIND folder): a line of TUM or KITTI or the 16 numbers of a 4x4 for each image
+    /// The poses, one line for each image (KIND folder): in TUM's or KITTI's format, or the 16 numbers of a 4x4
+    /// matrix
     #[arg(long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds [default: 0.02]
@@ -88,8 +90,9 @@ Layouts:
   colmap     a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
-Both can be imported again, as kinds of the same names; a model without points with a rule that
-needs none, as --pairs all or --pairs list:OUT/pairs.txt. The images are not copied.
+Both can be imported again, as kinds of the same names. The COLMAP model has no points, so import
+it with a rule that needs none, such as --pairs all or --pairs list:OUT/pairs.txt. The images are
+not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap
@@ -121,8 +124,8 @@ pub(crate) struct ValidateArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// Print every problem. Without this option, those that say the same of many files are counted after the
-    /// first ten
+    /// Print every problem. Without this option, only the first ten problems of the same kind are printed, and
+    /// the others are counted
     #[arg(long)]
     pub all: bool,
     #[command(flatten)]

@@ -42,7 +42,7 @@ First steps:
   matchbench run office --matchers sift --out runs/first
   matchbench eval runs/first                             the scores
 
-Exit codes: 0 done; 1 bad input; 2 finished, but some tasks failed; 130 stopped by Ctrl-C.";
+Exit codes: 0 done; 1 error; 2 some tasks failed, or problems were found; 130 stopped by Ctrl-C.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -62,7 +62,7 @@ pub(crate) enum Command {
     Work(WorkArgs),
     /// Merge all shards of a plan into one run
     Merge(MergeArgs),
-    /// Join runs of other matchers, estimators or datasets, from one machine or several, into one run
+    /// Join runs of different matchers, estimators or datasets, from one machine or several, into one run
     Join(JoinArgs),
     /// Choose a parameter of an estimator, on other scenes than those that will be reported
     Tune(TuneArgs),

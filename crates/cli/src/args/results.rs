@@ -25,8 +25,8 @@ pub(crate) struct EvalArgs {
     /// (CSV, or the tables of ZEB). CSV output then ends with a row `mean`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
     pub errors: Option<PathBuf>,
-    /// Score as another benchmark does, and say where the run departed from its protocol: a protocol of
-    /// `matchbench list protocols`, or `all`. Several are separated by commas
+    /// Score by the protocol of another benchmark, and say where the run departed from it: protocols of
+    /// `matchbench list protocols`, separated by commas, or `all`
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// How to write the scores
@@ -90,8 +90,8 @@ The folder opens from disk without a network and can be mailed:
   cite/       how a paper would say what was run, the BibTeX of all papers that took part, and the
               commands that compute all of it again
 
-Pictures need the dataset where it was, and the matches of the run (not of one with --keep-matches
-none; with `inliers` they show these alone).
+Pictures need the dataset at the path that it had, and the matches of the run. A run with
+--keep-matches none has no pictures of matches; with `inliers` they show only the inliers.
 
 Examples:
   matchbench report runs/first
@@ -133,10 +133,10 @@ ENTRIES may hold, at any depth, folders of runs and folders with the authors'
 table is believed. An entry that is damaged, not finished or not what it says is listed with the
 reason and left out, and the exit code is 2. Links are not followed.
 
-Results are ranked together if they are of one dataset (name and fingerprint), of the same pairs
-of it and of one protocol, with 95 % intervals and letters: methods that share one do not differ
-significantly. Where the dataset of a run is at hand, the errors that its records state are
-computed again from their poses.
+Results are ranked together if they have the same dataset (name and fingerprint), pairs and
+protocol. Tables have 95 % intervals and letters: methods that share a letter do not differ
+significantly. If the dataset of a run is found, the errors in its records are computed again from
+the poses.
 
 SITE opens from disk without a network, and any web server can show it:
   index.html        a table and figures of each group, the hash of what each row was computed
@@ -169,9 +169,9 @@ have: the AUC before and after, the change with its paired 95 % interval (both r
 pairs, so the interval is that of the change), the pairs gained and lost at 5 degrees,
 and a verdict in words: better, worse, not certain, or the same.
 
-With --matchers two methods are compared instead, of one run or the first of BEFORE with the
-second of AFTER; a name is a matcher, compared with each estimator that both have, or
-MATCHER+ESTIMATOR.
+With --matchers FIRST,SECOND two methods are compared instead: both of one run or, if AFTER is
+given, FIRST of BEFORE with SECOND of AFTER. A name is MATCHER+ESTIMATOR, or a matcher, which is
+compared with each estimator that both have.
 
 --out writes a page of the pairs where they differ most: both side by side, with errors and
 matches, and pairs.csv with all pairs.
@@ -195,7 +195,8 @@ pub(crate) struct CompareArgs {
     /// Folder of a page that shows the pairs where they differ most
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// How many pairs of each dataset the page shows for each of the two methods: pairs on which it wins
+    /// How many pairs of each dataset the page shows on which the first method wins, and as many on which the
+    /// second wins
     #[arg(long, value_name = "N", default_value_t = 6, requires = "out")]
     pub pairs: usize,
     #[command(flatten)]
@@ -222,8 +223,8 @@ pub(crate) struct ExportArgs {
     /// packed
     #[arg(long, value_name = "FORMAT", default_value = "authors")]
     pub format: String,
-    /// Only the matches that this estimator counted as inliers of its poses or homographies, instead of all
-    /// selected matches; of a fundamental matrix as many, those nearest to the pose
+    /// Only the inliers of this estimator, instead of all selected matches. If it estimates fundamental
+    /// matrices: as many matches as it had inliers, those nearest to the pose
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
     /// Where datasets are now, if they were moved

@@ -11,7 +11,8 @@ use crate::threads::Threads;
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArgs {
-    /// Matchers, separated by commas, or `all`, which takes several minutes; a path is that of a manifest
+    /// Matchers, separated by commas, or `all`, which takes several minutes; a path names the manifest of a
+    /// matcher from outside
     #[arg(
         long,
         value_name = "IDS",
@@ -58,16 +59,16 @@ pub(crate) struct RunArgs {
     /// of a matcher from outside (see `matchbench check`)
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub matchers: Vec<String>,
-    /// Folder of the run. If it exists, the run is resumed, and may get more datasets, matchers, estimators, pairs and
-    /// repetitions
+    /// Folder of the run. If it exists, the run is resumed; datasets, matchers, estimators, pairs and
+    /// repetitions may be added
     #[arg(long, value_name = "RUN")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
     #[command(flatten)]
     pub choices: ChoiceArgs,
-    /// Only N pairs of each dataset (out of the first ones with --limit), evenly spread over them. The run can go on later
-    /// with a multiple of N, or with all
+    /// Only N pairs of each dataset, evenly spread (over the first ones if --limit is given). The run can go on
+    /// later with a multiple of N, or with all pairs
     #[arg(long, value_name = "N", value_parser = from_one::<NonZeroUsize>)]
     pub sample: Option<NonZeroUsize>,
     /// Folder of the feature cache [default: RUN/cache]
@@ -114,7 +115,8 @@ pub(crate) struct ChoiceArgs {
     /// (raise max_iterations with --set). Results then differ from run to run
     #[arg(long, value_name = "MS", value_parser = from_one::<NonZeroU32>)]
     pub time_budget: Option<NonZeroU32>,
-    /// Use what `matchbench tune` chose; refused on the scenes that it was tuned on (repeatable)
+    /// Use the parameters that `matchbench tune` chose; the scenes that they were tuned on are refused
+    /// (repeatable)
     #[arg(long, value_name = "FILE")]
     pub tuned: Vec<PathBuf>,
     /// Which matches are kept in RUN, at 20 bytes each [default: all]
@@ -207,8 +209,8 @@ pub(crate) struct WorkArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Shards that are missing or not done are named, and nothing is written before all are there. If a
-shard is there twice, both copies must agree.
+If shards are missing or not finished, they are named and nothing is written. If there are two
+copies of a shard, they must agree.
 
 Examples:
   matchbench merge plans/both --out runs/both
@@ -227,9 +229,10 @@ pub(crate) struct MergeArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Runs are joined that have the same version of matchbench, seed, pairs and repetitions, and the same
-parameters of what both have. What both have recorded is taken from the one that has more of it.
-The result is a run like any other: `run` goes on with it, `eval` and `report` compare all its
+The runs may differ in matchers, estimators and datasets. They must agree in the version of
+matchbench, the seed, the pairs and the repetitions, and in the parameters of every matcher and
+estimator that several of them have. If several have records of the same dataset, matcher and
+estimator, those of the run that has the most are taken. The result is a run like any other: `run` goes on with it, `eval` and `report` compare all its
 matchers.
 
 Examples:

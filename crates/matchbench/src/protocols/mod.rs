@@ -271,7 +271,8 @@ impl Protocol {
             ("scores", self.scores.join(", ")),
         ];
         if self.centres == Centres::Scaled {
-            let points = "multiplied by the ratio of sizes, half a pixel of the ratio off";
+            let points =
+                "multiplied by the ratio of sizes, which moves them by (1 - ratio) / 2 pixels";
             words.insert(3, ("points", points.to_owned()));
         }
         words.extend(self.notes.iter().map(|note| ("note", (*note).to_owned())));

@@ -66,8 +66,13 @@ pub fn advantage(one: &str, other: &str, on: &str, difference: &Difference) -> S
 /// What there must be enough of for an interval, so many of them; see [`MIN_IMAGES`](crate::metrics::MIN_IMAGES).
 pub fn units(count: usize) -> String {
     match count {
-        1 => "1 image that is in several pairs, or pair that shares no image".to_owned(),
-        _ => format!("{count} images that are in several pairs, or pairs that share no image"),
+        1 => {
+            "1 independent unit (an image that is in several pairs, or a pair that shares no image)"
+                .to_owned()
+        }
+        _ => format!(
+            "{count} independent units (images that are in several pairs, and pairs that share no image)"
+        ),
     }
 }
 
@@ -169,8 +174,8 @@ mod tests {
         };
         assert_eq!(
             words(few),
-            "a is ahead of b on 06 by 0.200; there is no interval with 3 images that are in several pairs, or pairs \
-             that share no image"
+            "a is ahead of b on 06 by 0.200; there is no interval with 3 independent units (images that are \
+             in several pairs, and pairs that share no image)"
         );
         let level = Difference::seen(0.0, None);
         assert_eq!(words(level), "a and b score the same on 06");

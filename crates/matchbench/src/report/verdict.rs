@@ -156,10 +156,10 @@ mod tests {
         assert_eq!(
             [verdicts(&[few]), verdicts(&[fewest])].concat(),
             [
-                "office: sift + best has the highest AUC; nothing is certain below 6 images that are in several pairs, \
-                 or pairs that share no image; there are 3",
-                "office: sift + best has the highest AUC; nothing is certain below 6 images that are in several pairs, \
-                 or pairs that share no image; there is 1",
+                "office: sift + best has the highest AUC; nothing is certain below 6 independent units (images that \
+                 are in several pairs, and pairs that share no image); there are 3",
+                "office: sift + best has the highest AUC; nothing is certain below 6 independent units (images that \
+                 are in several pairs, and pairs that share no image); there is 1",
             ]
         );
     }
