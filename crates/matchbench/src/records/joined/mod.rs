@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use super::images::ImageNotes;
 use super::line::to_line;
 use super::{
-    FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError, Tuned, matches,
-    store,
+    DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
+    Tuned, matches, store,
 };
 use crate::files::{WholeFile, open_file};
 use plan::joined;
@@ -163,11 +163,10 @@ fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, Jo
     let mut all = Vec::new();
     for dataset in &plan.datasets {
         for matcher in &plan.matchers {
-            let of = |estimator: &str| [&*dataset.name, &*matcher.id, estimator].map(str::to_owned);
             let mut found = BTreeMap::new();
             for (place, folder) in folders.iter().enumerate() {
                 for estimator in &matcher.estimators {
-                    let count = records(folder, &of(&estimator.id))?;
+                    let count = records(folder, [&dataset.name, &matcher.id, &estimator.id])?;
                     if count > 0 {
                         found.insert((&*estimator.id, place), count);
                     }
@@ -229,10 +228,26 @@ fn only(
     }
 }
 
-/// The number of records of these names: dataset, matcher and estimator.
-fn records(folder: &RunFolder, names: &[String; 3]) -> Result<u64, StoreError> {
+/// The number of records of these names, a dataset, a matcher and an estimator, if they are planned there.
+fn records(folder: &RunFolder, names: [&str; 3]) -> Result<u64, StoreError> {
+    let [dataset, matcher, estimator] = names;
+    let is_run_on = |planned: &DatasetPlan| {
+        let ids = &planned.matchers;
+        planned.name == dataset
+            && ids
+                .as_ref()
+                .is_none_or(|ids| ids.iter().any(|id| id == matcher))
+    };
+    let plan = folder.plan();
+    let estimators = plan
+        .matcher(matcher)
+        .map_or(&[][..], |planned| &planned.estimators);
     let mut count = 0;
-    folder.for_each_of(names.each_ref().map(|name| &**name), |_| count += 1)?;
+    if plan.datasets.iter().any(is_run_on)
+        && estimators.iter().any(|planned| planned.id == estimator)
+    {
+        folder.for_each_of(names, |_| count += 1)?;
+    }
     Ok(count)
 }
 
