@@ -217,6 +217,46 @@ fn a_run_that_is_not_finished_is_compared_with_a_warning() {
     assert!(said.status.success(), "{warning}");
     assert_eq!(
         warning.trim_end(),
-        "warning: both: no result with sift + ransac-e for 4 of 6 pairs of wall, counted as wrong"
+        "warning: both: sift with ransac-e on wall: 2 of 6 planned tasks recorded"
     );
+    let table = String::from_utf8_lossy(&said.stdout);
+    let row = table.lines().find(|line| line.starts_with("wall"));
+    let pairs = row.and_then(|row| row.split_whitespace().nth(4));
+    assert_eq!(pairs, Some("2"), "what both have is compared: {table}");
+
+    // A pair that is not recorded yet has not failed: nothing is said of the method that lacks it.
+    let eval = go(folder, &["eval", "both"]);
+    let table = String::from_utf8_lossy(&eval.stdout);
+    let sift = table.lines().find(|line| line.starts_with("wall     sift"));
+    let sift: Vec<&str> = sift.expect("it has results").split_whitespace().collect();
+    assert_eq!(sift[3..5], ["2", "0"], "{table}");
+    assert!(
+        !table.contains("highest AUC") && !table.contains("better than"),
+        "{table}"
+    );
+}
+
+#[test]
+fn runs_of_other_repetitions_are_compared_in_what_both_have_and_say_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    for repeat in ["1", "3"] {
+        let run = [
+            "run",
+            "wall",
+            "--matchers",
+            "orb",
+            "--repeat",
+            repeat,
+            "--out",
+            repeat,
+        ];
+        succeeds(folder, &run);
+    }
+    let said = go(folder, &["compare", "1", "3"]);
+    let note = String::from_utf8_lossy(&said.stderr);
+    let expected = "note: orb with ransac-e on wall has 1 repetition in 1 and 3 repetitions in 3; those that both have \
+                    are compared";
+    assert_eq!(note.trim_end(), expected);
 }

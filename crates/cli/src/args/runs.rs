@@ -232,8 +232,8 @@ pub(crate) struct MergeArgs {
 The runs may differ in matchers, estimators and datasets. They must agree in the version of
 matchbench, the seed, the pairs and the repetitions, and in the parameters of every matcher and
 estimator that several of them have. If several have records of the same dataset, matcher and
-estimator, those of the run that has the most are taken. The result is a run like any other: `run` goes on with it, `eval` and `report` compare all its
-matchers.
+estimator, those of the run that has the most are taken. The result is a run like any other: `run`
+goes on with it, `eval` and `report` compare all its matchers.
 
 Examples:
   matchbench join gpu/runs/learned runs/native --out runs/all

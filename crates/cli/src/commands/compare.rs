@@ -6,6 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail, ensure};
+use matchbench::counted::counted;
 use matchbench::metrics::{
     Comparison, Difference, MIN_IMAGES, ResultSet, compare, load, load_each,
 };
@@ -56,6 +57,22 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     }
     for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {
         warn_of_missing(run, set);
+    }
+    for row in &rows {
+        let [before, after] = row.sets;
+        if before.repetitions != after.repetitions {
+            let times = row.sets.map(|set| counted(set.repetitions, "repetition"));
+            say!(
+                "note: {} with {} on {} has {} in {} and {} in {}; those that both have are compared",
+                after.matcher,
+                after.estimator,
+                after.dataset,
+                times[0],
+                runs[0].display(),
+                times[1],
+                runs[1].display()
+            );
+        }
     }
     for row in &rows {
         let [before, after] = row.names(runs, !args.matchers.is_empty());
@@ -345,7 +362,7 @@ fn table(rows: &[Row<'_>]) -> String {
         text,
         "\nchange: of the AUC, on the pairs that both runs have, with the paired 95 % interval (pairs that \
          share an image are not independent);\nbetter and worse: the interval leaves out 0, which is decided for each comparison \
-         alone (there is none with fewer than {});\ngained and lost: pairs below 5 degrees after but not before, and the \
+         alone; there is none with fewer than {};\ngained and lost: pairs below 5 degrees after but not before, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
          3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
         units(MIN_IMAGES)

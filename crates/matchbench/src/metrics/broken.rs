@@ -135,6 +135,7 @@ mod tests {
             repetitions: 1,
             pairs,
             ignored: 0,
+            lacking: 0,
         }
     }
 

@@ -87,14 +87,15 @@ pub struct Lead {
     pub difference: Difference,
 }
 
-/// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain.
+/// The best of each dataset against each of the others, in the order of `sets`, whose `groups` say what is certain. Sets that
+/// [lack](ResultSet::lacking) results are left out.
 pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
     let auc = |set: &ResultSet| ranking_auc(&set.pairs);
     let method = |set: &ResultSet| (set.matcher.clone(), set.estimator.clone());
     let key = |set: &ResultSet| (set.dataset.clone(), set.model());
     let mut best = BTreeMap::<(String, Model), (usize, f64)>::new();
     for (i, set) in sets.iter().enumerate() {
-        if set.pairs.is_empty() {
+        if set.pairs.is_empty() || set.lacking > 0 {
             continue;
         }
         let leader = best.entry(key(set)).or_insert((i, auc(set)));
@@ -105,10 +106,12 @@ pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
         }
     }
     let comparisons = |set: &ResultSet| {
-        let rivals = sets.iter().filter(|other| key(other) == key(set)).count();
+        let is_rival = |other: &&ResultSet| key(other) == key(set) && other.lacking == 0;
+        let rivals = sets.iter().filter(is_rival).count();
         rivals * (rivals - 1) / 2
     };
     (sets.iter().enumerate())
+        .filter(|(_, set)| set.lacking == 0)
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
         .map(|(best, i, set)| {
@@ -178,6 +181,7 @@ mod tests {
             repetitions: 1,
             pairs,
             ignored: 0,
+            lacking: 0,
         }
     }
 

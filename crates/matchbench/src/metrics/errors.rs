@@ -120,6 +120,7 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
                 repetitions: 1,
                 pairs,
                 ignored: 0,
+                lacking: 0,
             })
         })
         .collect()

@@ -87,7 +87,8 @@ impl Rivals {
     /// dataset are not compared.
     fn of_all(sets: &[ResultSet]) -> Vec<Self> {
         let mut rivals = BTreeMap::<(&str, Model), Vec<usize>>::new();
-        for (i, set) in sets.iter().enumerate() {
+        // What is not finished is not compared with what is.
+        for (i, set) in sets.iter().enumerate().filter(|(_, set)| set.lacking == 0) {
             let key = (set.dataset.as_str(), set.model());
             rivals.entry(key).or_default().push(i);
         }
@@ -214,6 +215,7 @@ mod tests {
             repetitions: 1,
             pairs: (0..60).map(|a| solved(a, error(a), 0.0, 30)).collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 

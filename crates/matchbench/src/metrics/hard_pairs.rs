@@ -260,6 +260,7 @@ mod tests {
             repetitions: 1,
             pairs: pairs.iter().enumerate().map(pair).collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 

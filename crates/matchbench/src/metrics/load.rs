@@ -7,7 +7,8 @@ use crate::records::RunFolder;
 use super::ResultSet;
 use super::pair_choice::PairChoice;
 use super::published::{each_published, load_published};
-use super::results::{self, FileResults, ResultsError};
+use super::results::{self, FileResults};
+use super::results_error::ResultsError;
 
 /// Reads every set of results in a folder, with all pairs that are listed: see [`load_chosen`].
 ///

@@ -187,6 +187,7 @@ mod tests {
             estimator: "best".into(),
             repetitions: 1,
             ignored: 0,
+            lacking: 0,
             pairs: vec![result(1, Some(0.25)), result(2, Some(0.5)), result(3, None)],
         };
         let same = geometry(0.0, [0.0; 3]);

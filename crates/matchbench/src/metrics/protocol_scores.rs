@@ -290,6 +290,7 @@ mod tests {
             repetitions: errors.len() as u32,
             pairs: pairs.collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 

@@ -14,9 +14,10 @@ use crate::files::{LineError, read_text_lines};
 use crate::protocols;
 use crate::records::authors::{self, Row};
 
+use super::listed::listed_pairs;
 use super::pair_choice::PairChoice;
 use super::pair_result::scored;
-use super::results::{files, folders, listed_pairs, sort, twice};
+use super::results::{files, folders, sort, twice};
 use super::{Failure, FileResults, PairResult, ResultSet, ResultsError};
 
 /// Stem of the file of true poses.
@@ -224,6 +225,7 @@ fn score_rows(file: &Path, listed: &[Pair], min_support: usize) -> Result<Result
         estimator: String::new(),
         repetitions: 1,
         ignored: found - (pairs.len() - missing),
+        lacking: 0,
         pairs,
     })
 }

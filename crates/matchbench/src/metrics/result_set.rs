@@ -17,6 +17,9 @@ pub struct ResultSet {
     pub pairs: Vec<PairResult>,
     /// Results for pairs that the dataset does not list; they are not in `pairs`.
     pub ignored: usize,
+    /// Results that other methods of a run have on this dataset and this one has not recorded; they are not in `pairs`. Such
+    /// a method is not ranked, and nothing is called certain of it.
+    pub lacking: usize,
 }
 
 /// A matcher with its estimator, if that is known: `sift + ransac-e`.

@@ -6,26 +6,23 @@
 //!   `<datasets>/<sequence>/pairs.txt` or from a `groundtruth.txt` beside the matchers' files (see
 //!   `published.rs`). A file may be called `<matcher>+<estimator>.txt`.
 //!
-//! What is scored are the pairs that the dataset lists, of these only those that a [`PairChoice`]
-//! leaves, or, for a run whose datasets are not at
-//! hand, the pairs that any of its matchers has a record of. Rows for other pairs are ignored and
-//! counted, listed pairs without a row are failures, and a second row for the same pair is an
-//! error: nobody could say which one counts.
+//! What is scored are the pairs that the dataset lists, of these only those that a [`PairChoice`] leaves. Rows for other
+//! pairs are ignored and counted, listed pairs without a row are failures, and a second row for the same pair is an
+//! error: nobody could say which one counts. Of a run the records are scored, and the plan says how many there will be: a
+//! pair that is not recorded yet has not failed. A method that lacks records that others have is not compared with
+//! them ([`ResultSet::lacking`]). If the folder of datasets is given, what it lists counts for a run too.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::io;
-use std::mem;
 use std::path::{Path, PathBuf};
 
 use crate::counted::counted;
-use crate::datasets::{DatasetError, Pair, read_dataset_pairs};
-use crate::records::authors::AuthorsError;
-use crate::records::{FolderError, Plan, RunFolder, StoreError};
+use crate::records::{Plan, RunFolder};
 
 use super::broken::count_broken;
+use super::listed::{complete_all, task};
 use super::pair_choice::PairChoice;
-use super::{Failure, PairResult, ResultSet};
+use super::results_error::ResultsError;
+use super::{PairResult, ResultSet};
 
 /// One file of records, or of results in the authors' layout: what stands in it, or why that cannot be scored.
 #[derive(Debug)]
@@ -38,49 +35,6 @@ pub struct FileResults {
     pub truth: Option<String>,
     /// What stands in it.
     pub results: Result<ResultSet, ResultsError>,
-}
-
-/// Why results cannot be scored.
-#[derive(Debug, thiserror::Error)]
-pub enum ResultsError {
-    /// A file or folder cannot be read.
-    #[error("{path}: {error}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
-    /// A line is not what it should be.
-    #[error("{path}:{line}: {problem}")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-        /// What is wrong and what to do.
-        problem: String,
-    },
-    /// A list of pairs is wrong.
-    #[error(transparent)]
-    Pairs(#[from] DatasetError),
-    /// A file in the authors' layout is wrong.
-    #[error(transparent)]
-    Rows(#[from] AuthorsError),
-    /// The folder of a run is wrong.
-    #[error(transparent)]
-    Run(#[from] FolderError),
-    /// A file of records is wrong.
-    #[error(transparent)]
-    Records(#[from] StoreError),
-    /// A file or folder is not where it should be.
-    #[error("{path}: {problem}")]
-    Layout {
-        /// Where it was looked for.
-        path: PathBuf,
-        /// What is wrong and what to do.
-        problem: String,
-    },
 }
 
 /// Every set of results of a run, in the order of its plan; what the plan does not name comes last.
@@ -124,100 +78,6 @@ pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsEr
     Ok(each)
 }
 
-fn task(pair: &PairResult) -> (u32, u32, u32) {
-    (pair.a, pair.b, pair.repetition)
-}
-
-/// Missing results that are always made: those of 316 files with a record each of another pair, which are compared with
-/// each other within seconds. A thousand such files take minutes.
-const MISSING: u64 = 100_000;
-/// More of them are made if there are no more than so many to each record. A run finishes one matcher after the other,
-/// so there are few, but thousands of files with a line each would stand for millions.
-const MISSING_FOR_EACH: u64 = 20;
-
-/// Whether so many missing results are not made beside those that were `found`.
-fn are_too_many(missing: u64, found: u64) -> bool {
-    missing > MISSING.max(found.saturating_mul(MISSING_FOR_EACH))
-}
-
-/// Brings sets of results of a `run` into line with the pairs that count of their datasets.
-fn complete_all<'a>(
-    run: &Path,
-    sets: impl Iterator<Item = &'a mut ResultSet>,
-    datasets: Option<&Path>,
-    choice: &PairChoice,
-) -> Result<(), ResultsError> {
-    let mut sets: Vec<&mut ResultSet> = sets.collect();
-    let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
-    for set in &sets {
-        let pairs = listed.entry(set.dataset.clone()).or_default();
-        match datasets {
-            Some(datasets) if pairs.is_empty() => {
-                let list = listed_pairs(datasets, &set.dataset)?;
-                pairs.extend(list.iter().map(|pair| (pair.a, pair.b)));
-            }
-            Some(_) => {}
-            None => pairs.extend(set.pairs.iter().map(|pair| (pair.a, pair.b))),
-        }
-        pairs.sort_unstable();
-        pairs.dedup();
-    }
-    for (dataset, pairs) in &mut listed {
-        let chosen = choice.of(dataset)?;
-        pairs.retain(|&(a, b)| chosen(a, b));
-    }
-    let expected = |set: &&mut ResultSet| {
-        (listed[&set.dataset].len() as u64).saturating_mul(u64::from(set.repetitions))
-    };
-    let found: u64 = sets.iter().map(|set| set.pairs.len() as u64).sum();
-    let missing = (sets.iter().map(expected))
-        .fold(0, u64::saturating_add)
-        .saturating_sub(found);
-    if are_too_many(missing, found) {
-        let files = counted(sets.len(), "file");
-        return Err(ResultsError::Layout {
-            path: run.to_path_buf(),
-            problem: format!(
-                "{files} with {found} records in all stand for {missing} missing ones; finish the run, choose fewer \
-                 pairs, or delete the files of matchers that were hardly begun"
-            ),
-        });
-    }
-    for set in &mut sets {
-        complete(set, &listed[&set.dataset]);
-    }
-    count_broken(&mut sets);
-    Ok(())
-}
-
-/// Brings the pairs of a run into line with the listed ones, which are sorted: others out, missing ones in.
-fn complete(set: &mut ResultSet, listed: &[(u32, u32)]) {
-    set.pairs.sort_unstable_by_key(task);
-    let repetitions = set.repetitions;
-    let expected =
-        || (listed.iter()).flat_map(move |&(a, b)| (0..repetitions).map(move |r| (a, b, r)));
-    // Millions of pairs are not copied where none is missing.
-    if expected().eq(set.pairs.iter().map(task)) {
-        return;
-    }
-    let found = set.pairs.len();
-    let mut results = mem::take(&mut set.pairs).into_iter().peekable();
-    let mut scored = 0;
-    for (a, b, repetition) in expected() {
-        while results
-            .next_if(|other| task(other) < (a, b, repetition))
-            .is_some()
-        {}
-        let result = results.next_if(|result| task(result) == (a, b, repetition));
-        scored += usize::from(result.is_some());
-        set.pairs.push(result.unwrap_or_else(|| PairResult {
-            repetition,
-            ..PairResult::failed(a, b, Failure::Missing)
-        }));
-    }
-    set.ignored = found - scored;
-}
-
 /// The records of one file; none where nothing has been recorded yet.
 fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, ResultsError> {
     let mut set: Option<ResultSet> = None;
@@ -232,6 +92,7 @@ fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, Resul
             repetitions: 1,
             pairs: Vec::new(),
             ignored: 0,
+            lacking: 0,
         });
         set.repetitions = set.repetitions.max(task.repetition.saturating_add(1));
         set.pairs.push(PairResult::from(&record));
@@ -293,24 +154,6 @@ fn check_tasks(
         }
     }
     Ok(())
-}
-
-/// The pairs of a dataset in the folder `datasets`, with their truth.
-pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, ResultsError> {
-    let dir = datasets.join(dataset);
-    if !["pairs.txt", "homographies.txt"]
-        .iter()
-        .any(|list| dir.join(list).is_file())
-    {
-        return Err(ResultsError::Layout {
-            path: dir,
-            problem: format!(
-                "neither pairs.txt nor homographies.txt is there, which the results for {dataset} are scored by; name \
-                 the folder that holds {dataset}/pairs.txt with --datasets"
-            ),
-        });
-    }
-    Ok(read_dataset_pairs(&dir)?)
 }
 
 /// Datasets, matchers and estimators in the order in which the plan names them; what it does not name comes
@@ -386,7 +229,7 @@ pub(super) fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) 
 mod tests {
     use serde_json::json;
 
-    use super::super::{load, load_each};
+    use super::super::{Failure, load, load_each};
     use super::*;
 
     /// A record as a run writes it, right up to 5 degrees.
@@ -427,13 +270,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_that_another_matcher_has_is_missing() {
+    fn a_pair_that_another_matcher_has_is_lacking_and_has_not_failed() {
         let sift = line("sift", 0, 1, 0) + &line("sift", 0, 2, 0);
         let run = run_folder(&[("sift", sift), ("orb", line("orb", 0, 2, 0))]);
         let sets = load(run.path(), None).expect("both files are in order");
         assert_eq!((&*sets[0].matcher, &*sets[1].matcher), ("orb", "sift"));
-        assert_eq!(sets[0].pairs[0].outcome, Err(Failure::Missing));
-        let right = &sets[0].pairs[1];
+        assert_eq!([sets[0].lacking, sets[1].lacking], [1, 0]);
+        assert_eq!((sets[0].pairs.len(), sets[0].missing()), (1, 0));
+        let right = &sets[0].pairs[0];
         assert_eq!((right.a, right.b, right.correspondences), (0, 2, Some(80)));
         assert_eq!(right.times.search, Some(0.25));
         assert!(sets[1].pairs.iter().all(|pair| pair.outcome.is_ok()));
@@ -471,8 +315,12 @@ mod tests {
         let run = run_folder(&[("sift", text)]);
         plan(run.path(), &[], 2);
         let sets = load(run.path(), None).expect("in order");
-        assert_eq!((sets[0].repetitions, sets[0].pairs.len()), (2, 4));
-        assert_eq!(sets[0].pairs[3].outcome, Err(Failure::Missing));
+        assert_eq!((sets[0].repetitions, sets[0].pairs.len()), (2, 3));
+        assert_eq!(
+            [sets[0].missing(), sets[0].lacking],
+            [0, 0],
+            "it was not done yet"
+        );
     }
 
     #[test]
@@ -494,37 +342,6 @@ mod tests {
         let recorded = |file: &FileResults| file.results.as_ref().expect("in order").pairs.len();
         let recorded: Vec<usize> = each.iter().map(recorded).collect();
         assert_eq!(recorded, [2, 1]);
-    }
-
-    #[test]
-    fn few_files_do_not_stand_for_many_missing_results() {
-        // As many files as pairs, each with one of them.
-        let sets = |count: u32| {
-            let set = |i: u32| ResultSet {
-                dataset: "room".into(),
-                matcher: i.to_string(),
-                estimator: "ransac-e".into(),
-                repetitions: 1,
-                pairs: vec![PairResult::failed(0, i + 1, Failure::NoSupport)],
-                ignored: 0,
-            };
-            (0..count).map(set).collect::<Vec<_>>()
-        };
-        let complete = |sets: &mut [ResultSet]| {
-            complete_all(Path::new("run"), sets.iter_mut(), None, &PairChoice::Listed)
-        };
-        let mut few = sets(30);
-        complete(&mut few).expect("few are missing");
-        assert!(few.iter().all(|set| set.pairs.len() == 30));
-        let mut many = sets(320);
-        let error = complete(&mut many).expect_err("too many").to_string();
-        assert!(
-            error.starts_with("run: 320 files with 320 records in all stand for 102080 missing"),
-            "{error}"
-        );
-        assert!(many.iter().all(|set| set.pairs.len() == 1));
-        // A large run may miss as many as it likes of what it has begun.
-        assert!(!are_too_many(100_000_000, 5_000_000));
     }
 
     #[test]

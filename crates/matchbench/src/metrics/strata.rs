@@ -86,6 +86,7 @@ mod tests {
             repetitions: 1,
             pairs,
             ignored: 0,
+            lacking: 0,
         }
     }
 

@@ -23,16 +23,18 @@ pub struct Summary {
     pub model: Model,
     /// Id of the protocol that the poses were estimated by; the paper's where the results do not name another.
     pub protocol: &'static str,
-    /// The denominator of every ratio: pairs that the dataset lists, once per repetition.
+    /// The denominator of every ratio: pairs that the dataset lists, or that a run has recorded, once per repetition.
     pub pairs: usize,
     /// How often each pair was run with another seed.
     pub repetitions: u32,
-    /// Pairs without a pose, missing ones included.
+    /// Pairs without a pose, listed ones without a result included.
     pub failed: usize,
     /// The same by reason.
     pub failures: Failures,
     /// Results for pairs that the dataset does not list; they are not scored.
     pub ignored: usize,
+    /// Results that other methods of a run have and this one has not recorded, see [`ResultSet::lacking`].
+    pub lacking: usize,
     /// Pairs with a pose, but without a true direction to compare it with (no baseline).
     pub undirected: usize,
     /// What kind of pairs these are.
@@ -75,6 +77,7 @@ impl Summary {
             failed: failures.total(),
             failures,
             ignored: results.ignored,
+            lacking: results.lacking,
             undirected: pairs.iter().filter(|pair| is_undirected(pair)).count(),
             portion: Portion::of(pairs.iter().map(|pair| (pair.a, pair.b))),
             scores: Scores::new(pairs),
@@ -97,6 +100,7 @@ impl Summary {
             repetitions: 1,
             pairs: Vec::new(),
             ignored: 0,
+            lacking: 0,
         };
         Self::new(&nothing)
     }
@@ -184,6 +188,7 @@ mod tests {
             repetitions: 1,
             pairs,
             ignored: 2,
+            lacking: 0,
         }
     }
 

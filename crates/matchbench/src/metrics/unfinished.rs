@@ -109,6 +109,7 @@ mod tests {
             repetitions: 2,
             pairs,
             ignored: 0,
+            lacking: 0,
         }
     }
 

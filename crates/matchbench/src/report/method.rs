@@ -331,8 +331,8 @@ fn scores(content: &Content, paragraph: &mut Paragraph) {
     match &content.lacking {
         None => paragraph.say("Failed and missing pairs stay in every denominator."),
         Some(lacking) => paragraph.say(format!(
-            "Failed pairs stay in every denominator, but the run is not finished: {}. A missing pair counts as failed if \
-             another method has it, and not at all if none has.",
+            "Failed pairs stay in every denominator, but the run is not finished: {}. Scores are of what each method \
+             has recorded.",
             lacking.extent()
         )),
     }

@@ -296,10 +296,15 @@ impl<'a> Overview<'a> {
 }
 
 impl Row<'_> {
-    /// The mean over all datasets; `None` if it was not run on all of them.
+    /// The mean over all datasets; `None` if it was not run on all of them, or lacks results of one.
     pub(super) fn mean(&self) -> Option<f64> {
         let values: Option<Vec<f64>> = (self.cells.iter())
-            .map(|cell| cell.as_ref()?.auc.value)
+            .map(|cell| {
+                cell.as_ref()
+                    .filter(|cell| cell.summary.lacking == 0)?
+                    .auc
+                    .value
+            })
             .collect();
         values.map(|values| values.iter().sum::<f64>() / values.len().max(1) as f64)
     }
@@ -355,7 +360,8 @@ fn cell<'a>(
     let here = || summaries.iter().filter(|s| s.dataset == dataset);
     let value = |s: &Summary| s.auc_of(angle).value;
     let summary = here().find(|s| (&*s.matcher, &*s.estimator) == method)?;
-    let rivals = || here().filter(|s| s.model == summary.model);
+    let rivals = || here().filter(|s| s.model == summary.model && s.lacking == 0);
+    let is_ranked = summary.lacking == 0;
     let auc = value(summary);
     let better = rivals().filter(|s| is_above(value(s), auc)).count();
     let scored = rivals().filter(|s| value(s).is_some()).count();
@@ -369,8 +375,9 @@ fn cell<'a>(
         summary,
         auc: summary.auc_of(angle),
         // If no method solved a pair, none is best.
-        rank: (auc > Some(0.0) && scored > 1 && better < 3).then_some(better as u8 + 1),
-        above_baseline: baseline.is_some() && is_above(auc, baseline),
+        rank: (is_ranked && auc > Some(0.0) && scored > 1 && better < 3)
+            .then_some(better as u8 + 1),
+        above_baseline: is_ranked && baseline.is_some() && is_above(auc, baseline),
     })
 }
 

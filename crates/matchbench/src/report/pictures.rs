@@ -314,6 +314,7 @@ mod tests {
             repetitions: 1,
             pairs: (1..9).map(result).collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 

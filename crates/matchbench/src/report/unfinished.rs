@@ -45,8 +45,8 @@ impl Lacking {
     /// What is missing and what follows, in sentences.
     pub(super) fn sentences(&self) -> String {
         format!(
-            "This run is not finished: {} ({}). A pair that one method of a dataset has counts as failed for the others \
-             that lack it; pairs that none has do not count, and methods without any are not shown",
+            "This run is not finished: {} ({}). Scores are of what each method has recorded. A method that lacks results that \
+             others have is not ranked, and not compared with them; one without any is not shown",
             self.extent(),
             self.what.sentences.join("; ")
         )

@@ -337,6 +337,7 @@ mod tests {
             repetitions: 1,
             pairs: pairs.collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 

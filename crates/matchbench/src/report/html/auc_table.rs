@@ -37,6 +37,13 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
         }
         let _ = write!(tip, "\n{} of {} failed", s.failed, counted(s.pairs, "pair"));
     }
+    if s.lacking > 0 {
+        let lacking = counted(s.lacking, "result");
+        let _ = write!(
+            tip,
+            "\nnot ranked: {lacking} that others have are not recorded"
+        );
+    }
     let group = (angle == Angle::Pose).then_some(&*s.group);
     context! {
         text => ratio(cell.auc.value),

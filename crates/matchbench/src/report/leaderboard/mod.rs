@@ -270,6 +270,7 @@ mod tests {
             repetitions: 1,
             pairs: (0..60).map(pair).collect(),
             ignored: 0,
+            lacking: 0,
         }
     }
 
