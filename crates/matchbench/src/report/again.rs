@@ -3,9 +3,10 @@
 
 use super::command_line::{self, CommandLine, Origin, folder};
 use super::content::Content;
+use super::dataset_facts::DatasetFacts;
 use super::file_names::file_names;
 use crate::counted::counted;
-use crate::datasets::rendered::{REVISION, scenes};
+use crate::datasets::rendered::{REVISION, Scene, scenes};
 use crate::metrics::method;
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
 
@@ -205,21 +206,27 @@ impl DatasetAgain {
             .find(|facts| facts.name == dataset.name);
         let origin = facts.map(|facts| facts.origin.clone()).unwrap_or_default();
         let words = facts.and_then(|facts| match &facts.import[..] {
-            [] => rendered(&dataset.name, &facts.origin),
+            [] => rendered(facts).map(|scene| vec![RENDERED.to_owned(), scene.name.to_owned()]),
             words => Some(words.to_vec()),
         });
         let import = words.filter(|words| words.len() > 1).map(|mut words| {
-            words.insert(2, folder(&dataset.name));
+            let out = folder(&dataset.name);
+            // The published data cannot lie where the dataset goes.
+            if words[0] != RENDERED && words[1] == out {
+                words[1] = format!("original/{out}");
+            }
+            words.insert(2, out);
             words.insert(0, "import".to_owned());
             CommandLine::new(words).to_string()
         });
         let out = format!("{ALL}-{file}");
         let whole = command_line::whole(plan, &[dataset], &out);
         let matchers = command_line::matchers_on(plan, dataset);
-        let needs = matchers
+        let of_matchers = matchers
             .iter()
             .filter_map(|matcher| needs(matcher, dataset));
-        let needs = needs.collect();
+        let of_scene = facts.and_then(rendered_in_part);
+        let needs = of_scene.into_iter().chain(of_matchers).collect();
         let cells = (matchers.into_iter())
             .flat_map(|matcher| matcher.estimators.iter().map(move |e| (matcher, e)))
             .map(|planned| CellAgain::of(plan, dataset, planned));
@@ -311,12 +318,37 @@ fn missing(datasets: &[DatasetAgain], why: &str) -> Vec<String> {
     missing
 }
 
-/// The commands that make a built-in scene that was rendered for a demo.
-fn rendered(name: &str, origin: &str) -> Option<Vec<String>> {
+/// The kind of imported data that are built-in scenes.
+const RENDERED: &str = "rendered";
+
+/// The built-in scene that a dataset without an import is, all frames of it in their size.
+fn rendered(facts: &DatasetFacts) -> Option<&'static Scene> {
+    scene_of(facts).filter(|scene| {
+        let size = (scene.size.width, scene.size.height);
+        scene.frames as usize == facts.frames && facts.resolution == Some(size)
+    })
+}
+
+/// How to make a dataset that is fewer frames of a built-in scene, or has another size, which no command makes.
+fn rendered_in_part(facts: &DatasetFacts) -> Option<String> {
+    if !facts.import.is_empty() || rendered(facts).is_some() {
+        return None;
+    }
+    let (name, frames) = (scene_of(facts)?.name, facts.frames);
+    let (width, height) = facts.resolution?;
+    Some(format!(
+        "the dataset {name}, which Python makes: \
+         matchbench.rendered_scene(\"{name}\", FOLDER, frames={frames}, size=({width}, {height}))"
+    ))
+}
+
+fn scene_of(facts: &DatasetFacts) -> Option<&'static Scene> {
     let by_this_renderer = format!("rendered by matchbench, revision {REVISION}:");
-    let is_it =
-        origin.starts_with(&by_this_renderer) && scenes().iter().any(|scene| scene.name == name);
-    is_it.then(|| vec!["rendered".to_owned(), name.to_owned()])
+    let named = |scene: &&Scene| scene.name == facts.name;
+    facts
+        .origin
+        .starts_with(&by_this_renderer)
+        .then(|| scenes().iter().find(named))?
 }
 
 /// The command that prints the scores of a run with all their digits.
@@ -336,6 +368,7 @@ mod tests {
     use super::super::names::defaults;
     use super::super::tests;
     use super::*;
+    use crate::metrics::Portion;
     use crate::records::IN_PYTHON;
 
     /// What is said of a run of two sources of files, where the second one's first pixel has its centre here.
@@ -378,6 +411,54 @@ mod tests {
             assert!(script.contains(said), "{said}: {script}");
         }
         assert!(!script.contains("Not computed"), "{script}");
+    }
+
+    #[test]
+    fn a_part_of_a_scene_and_data_of_the_same_name_are_no_wrong_command() {
+        let script = |name: &str, frames, resolution, import: &[&str]| {
+            let best = json!([{"id": "best", "params": defaults("best")}]);
+            let plan = json!({
+                "version": "0.1.0", "settings": {"seed": 7, "repetitions": 1, "limit": null},
+                "datasets": [{"name": name, "path": "/x", "frames": 3, "pairs": 3, "fingerprint": "ab"}],
+                "matchers": [{"id": "sift", "params": {}, "estimators": best}],
+            });
+            let mut content = tests::content(&[(name, "sift", 6)]);
+            content.facts.plan = Some(plan.to_string());
+            content.datasets = vec![DatasetFacts {
+                name: name.into(),
+                portion: Portion::Other,
+                frames,
+                pairs: 3,
+                resolution: Some(resolution),
+                origin: format!("rendered by matchbench, revision {REVISION}: a facade"),
+                property: String::new(),
+                import: import.iter().map(ToString::to_string).collect(),
+                thumbnail: None,
+            }];
+            Again::of(&content).script()
+        };
+        let facade = scenes()
+            .iter()
+            .find(|scene| scene.name == "facade")
+            .unwrap();
+        let (frames, size) = (
+            facade.frames as usize,
+            (facade.size.width, facade.size.height),
+        );
+        let import = "\nmatchbench import rendered facade facade\n";
+        assert!(script("facade", frames, size, &[]).contains(import));
+        for (frames, size) in [(6, size), (frames, (320, 240))] {
+            let text = script("facade", frames, size, &[]);
+            assert!(!text.contains("import rendered"), "{text}");
+            assert!(text.contains(
+                "# Needs the dataset facade, which Python makes: matchbench.rendered_scene"
+            ));
+        }
+        let text = script("boat", 6, size, &["oxford", "boat"]);
+        assert!(
+            text.contains("\nmatchbench import oxford original/boat boat\n"),
+            "{text}"
+        );
     }
 
     #[test]
