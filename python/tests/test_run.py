@@ -163,7 +163,20 @@ def test_other_code_is_another_version():
     assert version_of(one(0.5)) == version_of(one(0.5)) != version_of(one(0.6))
     versions = [version_of(given) for given in (one(0.5), other(0.5), one, other, Staged(3), Inverse(3))]
     assert len(set(versions)) == len(versions) and all(version.startswith("code ") for version in versions)
-    assert version_of(Staged(3)) == version_of(Staged(4).match.__self__)
+    assert version_of(Staged(3)) == version_of(Staged(3)) != version_of(Staged(4))
+
+    class Counting(Staged):
+        def match(self, a, b):
+            self.size += 1
+            return a, b
+
+    class Stated(Staged):
+        params = {"what": "decides"}
+
+    assert version_of(Counting(3)) == version_of(Counting(4)), "what a method sets is what it remembers"
+    assert version_of(Stated(3)) == version_of(Stated(4)), "params say what decides"
+    by_constant = [eval("lambda a, b: (a, b, LIMIT)", {"LIMIT": limit}) for limit in (1, 1, 2)]
+    assert version_of(by_constant[0]) == version_of(by_constant[1]) != version_of(by_constant[2])
     assert version_of(functools.partial(one, 1)) != version_of(functools.partial(one, 2))
     seen = []
     counting = one(0.5, words=seen)

@@ -1,9 +1,11 @@
 """The version of a matcher written in Python that states none: a digest of its code.
 
 A run is refused if it was begun with other code, as with another version of a program. The digest has the bytecode,
-constants, defaults and closures of a function, or of all methods and constants of a class, as far as they are numbers,
-text, tuples and functions. It does not see what is called elsewhere, nor weights: whoever changes these states a
-`version`. Each version of Python has bytecode of its own, so the version of the matcher names it.
+constants, defaults, closures and global constants of a function, or of all methods of a class with the constants of the
+class and, unless it has `params`, the attributes of the object; all of that as far as it is numbers, text, tuples and
+functions, and what the code itself does not change. It does not see what is called elsewhere, nor arrays or weights:
+whoever changes these states a `version`. Each version of Python has bytecode of its own, so the version of the matcher
+names it.
 """
 
 import dis
@@ -23,7 +25,11 @@ def version_of(given: Any) -> str:
         return str(stated)
     digest = hashlib.sha256()
     is_code = isinstance(given, (types.FunctionType, types.MethodType, functools.partial))
-    _feed(digest, given if is_code else type(given), set())
+    seen: set[int] = set()
+    _feed(digest, given if is_code else type(given), seen)
+    if not is_code and getattr(given, "params", None) is None:
+        for part in _items(_state(given)):
+            _feed(digest, part, seen)
     major, minor, *_ = sys.version_info
     return f"code {digest.hexdigest()[:8]} of Python {major}.{minor}"
 
@@ -49,7 +55,8 @@ def _parts(value: Any) -> list[Any]:
         case types.CodeType():
             return [parts.co_code, *parts.co_names, *parts.co_varnames, *parts.co_consts]
         case types.FunctionType():
-            return [parts.__code__, parts.__defaults__, *_items(parts.__kwdefaults__), *_closure(parts)]
+            own = [parts.__code__, parts.__defaults__, *_items(parts.__kwdefaults__)]
+            return [*own, *_closure(parts), *_items(_globals(parts))]
         case types.MethodType() | staticmethod() | classmethod():
             return [parts.__func__]
         case property():
@@ -71,6 +78,30 @@ def _own(given: type) -> dict[str, Any]:
     methods = (types.FunctionType, staticmethod, classmethod, property)
     noted = {name for name in vars(given) if name.startswith("__") and name.endswith("__")}
     return {name: value for name, value in vars(given).items() if name not in noted or isinstance(value, methods)}
+
+
+def _state(given: Any) -> dict[str, Any]:
+    """The simple attributes of an object that none of its methods but `__init__` sets."""
+    its_class: Any = type(given)
+    methods = [method for name, method in _own(its_class).items() if name != "__init__"]
+    codes = [method.__code__ for method in methods if isinstance(method, types.FunctionType)]
+    changed = {name for code in codes for name in _named(code, "STORE_ATTR")}
+    values = getattr(given, "__dict__", {})
+    return {name: value for name, value in values.items() if isinstance(value, (*_SIMPLE, tuple)) and name not in changed}
+
+
+def _globals(function: types.FunctionType) -> dict[str, Any]:
+    """The simple global values that a function reads and does not set."""
+    code = function.__code__
+    names = {name for name in _named(code, "LOAD_GLOBAL") if not name.startswith("__")}
+    values = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    changed = _named(code, "STORE_GLOBAL")
+    return {name: value for name, value in values.items() if isinstance(value, (*_SIMPLE, tuple)) and name not in changed}
+
+
+def _named(code: types.CodeType, operation: str) -> set[str]:
+    """The names that code sets, or reads, by this operation."""
+    return {step.argval for step in dis.get_instructions(code) if step.opname == operation}
 
 
 def _items(values: Any) -> list[Any]:
