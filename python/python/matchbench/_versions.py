@@ -80,11 +80,10 @@ def _own(given: type) -> dict[str, Any]:
     return {name: value for name, value in vars(given).items() if name not in noted or isinstance(value, methods)}
 
 
-def _state(given: Any) -> dict[str, Any]:
+def _state(given: object) -> dict[str, Any]:
     """The simple attributes of an object that none of its methods but `__init__` sets."""
-    its_class: Any = type(given)
-    methods = [method for name, method in _own(its_class).items() if name != "__init__"]
-    codes = [method.__code__ for method in methods if isinstance(method, types.FunctionType)]
+    methods = [item for each in type(given).__mro__ for item in _own(each).items()]
+    codes = [call.__code__ for name, call in methods if name != "__init__" and isinstance(call, types.FunctionType)]
     changed = {name for code in codes for name in _named(code, "STORE_ATTR")}
     values = getattr(given, "__dict__", {})
     return {name: value for name, value in values.items() if isinstance(value, (*_SIMPLE, tuple)) and name not in changed}
