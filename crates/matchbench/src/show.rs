@@ -14,7 +14,7 @@ use crate::matchers::ImageFiles;
 use crate::metrics::PairResult;
 use crate::protocols::of_estimator;
 use crate::records::{Counts, Outcome};
-use crate::report::{PairView, Thumbnail, picture_png, picture_svg, sentence, view};
+use crate::report::{PairView, Thumbnail, agrees_below, picture_png, picture_svg, sentence, view};
 use crate::run::{
     Contender, Dataset, Evaluation, EvaluationError, ImagePair, RunError, check_truth, check_turns,
     evaluate, pair_seed,
@@ -125,7 +125,7 @@ impl Shown {
         picture_svg(&self.view, &self.caption)
     }
 
-    /// `1207 and 1190 features, 1207 putative and 340 selected matches, of which 300 agree with the estimate`.
+    /// `1207 and 1190 features, 1207 putative and 340 selected matches, of which 300 are within 1 px of the estimate`.
     pub fn in_words(&self) -> String {
         // A matcher from outside may have no features, or not state their number.
         let Counts {
@@ -141,7 +141,8 @@ impl Shown {
         let selected = counted(selected, "selected match");
         let agree = self.view.tally.agree;
         format!(
-            "{features}{putative} putative and {selected}, of which {agree} agree with the estimate"
+            "{features}{putative} putative and {selected}, of which {agree} are within {} px of the estimate",
+            agrees_below(self.view.model)
         )
     }
 }

@@ -389,9 +389,10 @@ pub(crate) struct TuneArgs {
 #[command(after_help = "\
 Lines join the selected matches. Their colour is the Sampson distance from the true epipolar
 geometry, or the distance from where the true homography takes the point: green below 1 pixel, blue
-below 3, orange below 10, red beyond. Solid lines agree with the estimate, dashed ones do not: red
-and solid is what misled the estimator. Drawn in image b are a few epipolar lines, or with an
-estimator of homographies the frame of image a: the true ones white, the estimated ones yellow.
+below 3, orange below 10, red beyond. Solid lines are within 1 pixel of the estimate (3 pixels of a
+homography), dashed ones are not: red and solid is what misled the estimator. Drawn in image b are a
+few epipolar lines, or with an estimator of homographies the frame of image a: the true ones white,
+the estimated ones yellow.
 
 Examples:
   matchbench show office 0 7 --matcher sift --out pair.png

@@ -71,6 +71,7 @@ pub use leaderboard_files::write_leaderboard;
 pub use numbers::{fixed, signed};
 pub use of_results::of_results;
 pub use of_run::{ReportError, ReportOptions, Reported, content_of_run, of_run, paper_of_run};
+pub(crate) use pair_view::agrees_below;
 pub use pair_view::{
     EpipolarLines, MatchView, PairPoses, PairView, Points, Tally, Thumbnail, epipolar_lines,
     evenly, match_views,

@@ -4,11 +4,9 @@
 use matchbench_vision::geometry::transfer;
 use nalgebra::{Matrix3, Point2};
 
-use super::pair_view::{EpipolarLines, MatchView, Points};
+use super::pair_view::{EpipolarLines, MatchView, Points, agrees_below};
+use crate::metrics::Model;
 
-/// A match agrees with an estimated homography if the homography maps its point in a to a place that is nearer
-/// than this to its point in b, in pixels. This is the threshold of `ransac-h`.
-const AGREES_BELOW: f64 = 3.0;
 /// Points on each side of the frame. Several are needed, since a side that reaches the horizon is not straight.
 const PER_SIDE: usize = 16;
 
@@ -23,12 +21,13 @@ impl PairHomographies {
     /// The matches `a[i]`, `b[i]`, by the distance from b to the place where the homographies map a.
     pub(super) fn match_views(&self, a: &[Point2<f64>], b: &[Point2<f64>]) -> Vec<MatchView> {
         let distance = |h: &Matrix3<f64>, a, b: &Point2<f64>| (transfer(h, a) - b).norm();
+        let near = agrees_below(Model::Homography);
         (a.iter().zip(b))
             .map(|(&a, b)| MatchView {
                 a,
                 b: *b,
                 distance: Some(distance(&self.truth, a, b)),
-                agrees: (self.estimate).is_some_and(|h| distance(&h, a, b) < AGREES_BELOW),
+                agrees: (self.estimate).is_some_and(|h| distance(&h, a, b) < near),
             })
             .collect()
     }

@@ -19,9 +19,16 @@ use nalgebra::{Isometry3, Matrix3, Point2, Vector3};
 use crate::metrics::Model;
 use crate::records::Outcome;
 
-/// A match agrees with an estimated pose if it is nearer than this to its epipolar geometry, in pixels. This is
-/// the threshold of the reference estimator.
-const AGREES_BELOW: f64 = 1.0;
+/// A match agrees with an estimate if it is nearer than this to the epipolar geometry of the pose, or to the place
+/// where the homography takes it, in pixels: the thresholds of `ransac-e` and `ransac-h`. An estimator may count others
+/// as its inliers.
+pub(crate) fn agrees_below(model: Model) -> f64 {
+    match model {
+        Model::Pose => 1.0,
+        Model::Homography => 3.0,
+    }
+}
+
 /// Bounds of the classes of matches by Sampson distance from the true epipolar geometry, in pixels. Distances at or above the
 /// last bound are a fourth class.
 pub(super) const BOUNDS_PX: [f64; 3] = [1.0, 3.0, 10.0];
@@ -220,7 +227,7 @@ pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f64>], b: &[Point2<f64>]) 
             distance: truth.as_ref().map(|distances| distances[i]),
             agrees: estimate
                 .as_ref()
-                .is_some_and(|distances| distances[i] < AGREES_BELOW),
+                .is_some_and(|distances| distances[i] < agrees_below(Model::Pose)),
         })
         .collect()
 }

@@ -7,7 +7,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::Point2;
 
-use super::super::pair_view::{MatchView, PairView, Thumbnail, class_of, evenly};
+use super::super::pair_view::{MatchView, PairView, Thumbnail, agrees_below, class_of, evenly};
 use super::{MUTED, Target, escape, open, text};
 use crate::metrics::Model;
 
@@ -243,7 +243,11 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
         ),
     };
     text(svg, "muted", at, "start", error);
-    let agree = format!("agree with the estimate: {}", tally.agree);
+    let agree = format!(
+        "within {} px of the estimate: {}",
+        agrees_below(view.model),
+        tally.agree
+    );
     sample(svg, (12.0, top + 18.0), MUTED, "none", &agree);
     let others = format!("the others: {}", tally.matches - tally.agree);
     sample(svg, (252.0, top + 18.0), MUTED, "4 3", &others);
