@@ -22,7 +22,7 @@ pub(crate) fn evaluate(
     let (content, warnings) = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let sets = load_run(&run, None).map_err(error)?;
-        let mut warnings = unfinished(run.plan(), &sets);
+        let mut warnings = unfinished(&run, &sets).map_err(error)?;
         warnings.extend(doubts(&run, &sets).map_err(error)?);
         Ok::<_, PyErr>((Content::new(sets, RunFacts::default()), warnings))
     })??;

@@ -234,6 +234,11 @@ fn a_run_that_is_not_finished_is_compared_with_a_warning() {
         !table.contains("highest AUC") && !table.contains("better than"),
         "{table}"
     );
+    for (format, comment) in [("latex", "%"), ("markdown", ">")] {
+        let table = succeeds(folder, &["eval", "both", "--format", format]);
+        let note = format!("{comment} This run is not finished: 4 of 12 planned results");
+        assert!(table.starts_with(&note), "{table}");
+    }
 }
 
 #[test]

@@ -12,10 +12,7 @@ use matchbench::metrics::{
 };
 use matchbench::protocols;
 use matchbench::records::{Plan, RunFolder};
-use matchbench::report::{
-    Content, Format, RunFacts, render, render_protocols, render_with_intervals, render_with_mean,
-    verdicts,
-};
+use matchbench::report::{Content, Format, RunFacts, render_protocols, render_with_mean, verdicts};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
@@ -38,17 +35,21 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             warn_of_unfinished(results, &sets)?;
             warn_of_ignored(results, &sets, &choice);
             warn_of_doubts(results, &sets)?;
+            let mut content = content(sets);
+            if RunFolder::is_at(results) {
+                content.take_lacking(&RunFolder::open(results)?)?;
+            }
             match args.format {
-                _ if args.intervals => with_intervals(args, &content(sets))?,
+                _ if args.intervals => with_intervals(args, &content)?,
                 FormatArg::Table => {
-                    let mut text = table(sets);
+                    let mut text = table(&content);
                     if RunFolder::is_at(results) {
                         let next = format!("\nNext: matchbench report {}\n", typed(results));
                         text.push_str(&next);
                     }
                     text
                 }
-                other => render(other.into(), &content(sets).summaries),
+                other => content.render(other.into()),
             }
         }
         (None, None) => unreachable!("one of the two is required"),
@@ -63,7 +64,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
 
 /// The table with an interval behind each AUC.
 fn with_intervals(args: &EvalArgs, content: &Content) -> Result<String> {
-    render_with_intervals(args.format.into(), &content.summaries).context(
+    content.render_with_intervals(args.format.into()).context(
         "--intervals is for --format latex and markdown; csv and json have intervals without it",
     )
 }
@@ -94,7 +95,7 @@ pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<(
     let sentences = if RunFolder::is_at(results) {
         let run = RunFolder::open(results)?;
         warn_of_absent(results, run.plan());
-        unfinished(run.plan(), sets)
+        unfinished(&run, sets)?
     } else {
         Vec::new()
     };
@@ -185,19 +186,16 @@ pub(super) fn print_with_doubts(run: &Path) -> Result<()> {
 }
 
 fn print_sets(sets: Vec<ResultSet>) -> Result<()> {
-    let text = harmless(&table(sets));
+    let text = harmless(&table(&content(sets)));
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }
 
 /// The table of scores, and below it a sentence for each dataset: which method is best, and whether that is
 /// significant.
-fn table(sets: Vec<ResultSet>) -> String {
-    let Content {
-        summaries, leads, ..
-    } = content(sets);
-    let mut text = render(Format::Table, &summaries);
-    let verdicts = verdicts(&leads);
+fn table(content: &Content) -> String {
+    let mut text = content.render(Format::Table);
+    let verdicts = verdicts(&content.leads);
     if !verdicts.is_empty() {
         text.push('\n');
         text.push_str(&verdicts.join("\n"));

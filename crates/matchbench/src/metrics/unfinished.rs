@@ -2,7 +2,7 @@
 
 use super::ResultSet;
 use crate::counted::counted;
-use crate::records::Plan;
+use crate::records::{Plan, RunFolder, StoreError};
 
 /// Methods that are named one by one.
 const NAMED: usize = 4;
@@ -19,8 +19,26 @@ pub struct Unfinished {
 }
 
 impl Unfinished {
-    /// Of a run; `None` if every method has its records, or if it is a shard, which has a part of the pairs.
-    pub fn of(plan: &Plan, sets: &[ResultSet]) -> Option<Self> {
+    /// Of a run, of which these results were read; `None` if every method has its records, or if it is a shard, which has a
+    /// part of the pairs.
+    ///
+    /// # Errors
+    /// If what waits in the folder until the run goes on cannot be read.
+    pub fn of(run: &RunFolder, sets: &[ResultSet]) -> Result<Option<Self>, StoreError> {
+        let Some(mut unfinished) = Self::of_plan(run.plan(), sets) else {
+            return Ok(None);
+        };
+        let waiting = run.waiting()?;
+        if waiting > 0 {
+            let results = counted(waiting, "result");
+            unfinished.sentences.push(format!(
+                "{results} of before the run grew are set aside until the same command goes on"
+            ));
+        }
+        Ok(Some(unfinished))
+    }
+
+    fn of_plan(plan: &Plan, sets: &[ResultSet]) -> Option<Self> {
         let mut all = Self::default();
         if plan.shard.is_some() {
             return None;
@@ -63,8 +81,11 @@ impl Unfinished {
 }
 
 /// The sentences of [`Unfinished::of`].
-pub fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
-    Unfinished::of(plan, sets).map_or_else(Vec::new, |unfinished| unfinished.sentences)
+///
+/// # Errors
+/// As [`Unfinished::of`].
+pub fn unfinished(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreError> {
+    Ok(Unfinished::of(run, sets)?.map_or_else(Vec::new, |unfinished| unfinished.sentences))
 }
 
 /// Tasks of a method that have a record.
@@ -79,6 +100,10 @@ mod tests {
     use super::super::pair_result::tests::solved;
     use super::super::{Failure, PairResult};
     use super::*;
+
+    fn unfinished(plan: &Plan, sets: &[ResultSet]) -> Vec<String> {
+        Unfinished::of_plan(plan, sets).map_or_else(Vec::new, |unfinished| unfinished.sentences)
+    }
 
     /// A plan of two repetitions of three pairs of each of these datasets, by these matchers with two estimators.
     fn plan(datasets: &[&str], matchers: &[&str]) -> Plan {

@@ -8,6 +8,7 @@
 //! So the records of a run are complete pairs in order at all times, as they are where it was never grown. Whenever a
 //! process is killed, every record is in one file or the other, or in both; then that of the run counts.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -68,6 +69,33 @@ pub(super) fn for_each<E: From<StoreError>>(
     }
     store::for_each(&file, FORMAT, each)?;
     Ok(Some(file))
+}
+
+/// How many records were set aside and are not taken over yet.
+///
+/// # Errors
+/// If a file cannot be read or has a line that is not a record.
+pub(super) fn waiting(run: &Path, format: u32) -> Result<usize, StoreError> {
+    let mut waiting = 0;
+    for earlier in store::files_in(&run.join(FOLDER))? {
+        let inner = earlier
+            .strip_prefix(run.join(FOLDER))
+            .expect("it was listed there");
+        let file = run.join(store::FOLDER).join(inner);
+        let key = |record: RunRecord| (record.task.a, record.task.b, record.task.repetition);
+        let mut taken = BTreeSet::new();
+        if file.exists() {
+            store::for_each(&file, format, |_, record| {
+                taken.insert(key(record));
+                Ok::<_, StoreError>(())
+            })?;
+        }
+        store::for_each(&earlier, FORMAT, |_, record| {
+            waiting += usize::from(!taken.contains(&key(record)));
+            Ok::<_, StoreError>(())
+        })?;
+    }
+    Ok(waiting)
 }
 
 /// Deletes the records of these names that were set aside, and the folders that get empty.

@@ -221,6 +221,14 @@ impl RunFolder {
         store::files(&self.path)
     }
 
+    /// How many results of before the run grew wait until their turn has come again; they are not among its records.
+    ///
+    /// # Errors
+    /// As [`RunFolder::records`].
+    pub fn waiting(&self) -> Result<usize, StoreError> {
+        earlier::waiting(&self.path, self.plan.format)
+    }
+
     /// The selected matches of one matcher on one dataset; none where they were not kept.
     ///
     /// # Errors

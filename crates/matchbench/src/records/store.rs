@@ -168,8 +168,13 @@ pub(crate) fn read_run(run: &Path) -> Result<Vec<RunRecord>, StoreError> {
 /// # Errors
 /// If a folder cannot be listed. A folder without records is no error, it has none.
 pub fn files(run: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    files_in(&run.join(FOLDER))
+}
+
+/// Those in a folder that is like that of records.
+pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut files = Vec::new();
-    for dataset in sorted_entries(&run.join(FOLDER))? {
+    for dataset in sorted_entries(folder)? {
         if dataset.is_dir() {
             let entries = sorted_entries(&dataset)?.into_iter();
             files.extend(entries.filter(|file| file.extension().is_some_and(|e| e == "jsonl")));

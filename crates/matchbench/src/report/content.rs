@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::metrics::{DatasetGeometry, Groups, Lead, ResultSet, Summary, groups, leads};
-use crate::records::Plan;
+use crate::metrics::{
+    DatasetGeometry, Groups, Lead, ResultSet, Summary, Unfinished, groups, leads,
+};
+use crate::records::{Plan, RunFolder, StoreError};
 
-use super::{DatasetFacts, Format, Lacking, PairView};
+use super::{DatasetFacts, Format, Lacking, PairView, render, render_with_intervals};
 
 /// What a reader should know about the run besides its scores.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -73,6 +75,27 @@ impl Content {
             facts,
             ..Self::default()
         }
+    }
+
+    /// Takes note of what the `run` that its results are of has planned and not recorded.
+    ///
+    /// # Errors
+    /// If the folder of the run cannot be read.
+    pub fn take_lacking(&mut self, run: &RunFolder) -> Result<(), StoreError> {
+        self.lacking = Lacking::of(run, Unfinished::of(run, &self.results)?);
+        Ok(())
+    }
+
+    /// The scores as text, as [`render`](super::render()) gives them; with a note above tables for people if the run is not
+    /// finished.
+    pub fn render(&self, format: Format) -> String {
+        self.noted(format, render(format, &self.summaries))
+    }
+
+    /// The same with intervals; see [`render_with_intervals`](super::render_with_intervals()).
+    pub fn render_with_intervals(&self, format: Format) -> Option<String> {
+        let table = render_with_intervals(format, &self.summaries)?;
+        Some(self.noted(format, table))
     }
 
     /// A table, with a note above it if the run is not finished.

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
+use crate::records::RunFolder;
 
 /// Cancels a run after so many records.
 struct After<'c> {
@@ -163,6 +164,9 @@ fn a_process_that_is_killed_while_records_are_set_aside_loses_none() {
     }
     fs::rename(&all[0], aside(&all[0])).unwrap();
     fs::copy(&all[1], aside(&all[1])).unwrap();
+    let moved = store::read(&aside(&all[0])).unwrap().len();
+    let waiting = RunFolder::open(&run).unwrap().waiting().unwrap();
+    assert_eq!(waiting, moved, "those of the other file are records");
     for repetitions in [1, 2] {
         bench.settings = repeated(repetitions);
         let summary = bench.run("grown").unwrap();
