@@ -8,10 +8,11 @@ use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    PairChoice, ResultSet, doubts, load, load_chosen, load_errors, under_protocols, unfinished,
+    Failure, PairChoice, ResultSet, doubts, load, load_chosen, load_errors, under_protocols,
+    unfinished,
 };
 use matchbench::protocols;
-use matchbench::records::{Plan, RunFolder};
+use matchbench::records::{MatcherPlan, Plan, RunFolder};
 use matchbench::report::{Content, Format, RunFacts, render_protocols, render_with_mean, verdicts};
 
 use crate::Ending;
@@ -94,7 +95,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
 pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
     let sentences = if RunFolder::is_at(results) {
         let run = RunFolder::open(results)?;
-        warn_of_absent(results, run.plan());
+        warn_of_absent(results, run.plan(), sets);
         unfinished(&run, sets)?
     } else {
         Vec::new()
@@ -110,9 +111,14 @@ pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<(
     Ok(())
 }
 
-/// Warns if files of matches lack pairs, which count as wrong.
-fn warn_of_absent(results: &Path, plan: &Plan) {
-    for matcher in &plan.matchers {
+/// Warns if files of matches lack pairs that were run, which count as wrong.
+fn warn_of_absent(results: &Path, plan: &Plan, sets: &[ResultSet]) {
+    let has_broken = |matcher: &MatcherPlan| {
+        let own = sets.iter().filter(|set| set.matcher == matcher.id);
+        own.flat_map(|set| &set.pairs)
+            .any(|pair| pair.outcome == Err(Failure::Broken))
+    };
+    for matcher in plan.matchers.iter().filter(|matcher| has_broken(matcher)) {
         for note in matcher.notes.iter().filter(|note| is_of_absent_pairs(note)) {
             say!("warning: {}: {}: {note}", results.display(), matcher.id);
         }

@@ -11,8 +11,11 @@ use matchbench::config::find;
 use matchbench::counted::counted;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format, check_dataset};
+use matchbench::metrics::{load, unfinished};
 use matchbench::protocols;
-use matchbench::records::{DatasetPlan, MatcherPlan, Outcome, RunFolder, RunRecord, Task, authors};
+use matchbench::records::{
+    DatasetPlan, MatcherPlan, Outcome, Plan, RunFolder, RunRecord, Task, authors,
+};
 
 use crate::Ending;
 use crate::args::ExportArgs;
@@ -29,6 +32,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     let run = RunFolder::open(&args.run)?;
     if run.plan().settings.repetitions.get() > 1 {
         say!("note: only the first repetition of each pair is written");
+    }
+    let unfinished = unfinished(&run, &load(&args.run, None)?)?;
+    for sentence in &unfinished {
+        say!("warning: {}: {sentence}", args.run.display());
     }
     if args.format == AUTHORS {
         ensure!(
@@ -49,6 +56,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             |task: &Task| [&task.dataset, &task.matcher, &task.estimator].map(String::clone);
         let methods: BTreeSet<_> = records.iter().map(|record| methods(&record.task)).collect();
         let files = authors::write(&args.out, &records)?;
+        tell_of_parts(run.plan());
         if files.len() < methods.len() {
             say!(
                 "note: the authors' format holds only poses: written for {} of {}, the others estimate homographies",
@@ -64,6 +72,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     let format = Format::find(&args.format)?;
     let matchers = with_estimator(&run.plan().matchers, args.inliers.as_deref())?;
     let mut moved = moved(&run.plan().datasets, &args.datasets)?;
+    let mut any = false;
     for dataset in &run.plan().datasets {
         let sequence = moved.remove(&*dataset.name).map_or_else(
             || {
@@ -75,10 +84,26 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
         check_dataset(&run, dataset, &sequence)?;
         let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
         for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
-            write(args, &run, format, (dataset, &sequence), matcher)?;
+            any |= write(args, &run, format, (dataset, &sequence), matcher)?;
         }
     }
+    ensure!(any, "{} holds no records yet", args.run.display());
     Ok(Ending::Done)
+}
+
+/// Says of which datasets a run has a part of the pairs: whoever scores its poses by all pairs has the others as wrong.
+fn tell_of_parts(plan: &Plan) {
+    for dataset in &plan.datasets {
+        let run = plan.settings.chosen(dataset.pairs).count();
+        if run < dataset.pairs {
+            say!(
+                "note: {run} of {} of {} were run; in files of results the others count as wrong, unless they are left out \
+                 (`matchbench eval --pairs list:FILE`)",
+                counted(dataset.pairs, "pair"),
+                dataset.name
+            );
+        }
+    }
 }
 
 /// The datasets in these folders, by the names that they have in the plan: by the name of the folder, or by its content
@@ -136,14 +161,14 @@ fn with_estimator<'a>(
     Ok(with)
 }
 
-/// The matches of one matcher on one dataset.
+/// Writes the matches of one matcher on one dataset; `false` if nothing of it is recorded yet.
 fn write(
     args: &ExportArgs,
     run: &RunFolder,
     format: &Format,
     (dataset, sequence): (&DatasetPlan, &Sequence),
     matcher: &MatcherPlan,
-) -> Result<()> {
+) -> Result<bool> {
     let matches = run.matches_of(&dataset.name, &matcher.id)?;
     let estimator = match &args.inliers {
         None => matcher.estimators.first(),
@@ -153,6 +178,14 @@ fn write(
         bail!("`{}` was run without an estimator", matcher.id);
     };
     let records = run.records_of(&dataset.name, &matcher.id, &estimator.id)?;
+    if records.is_empty() {
+        say!(
+            "note: nothing of `{}` on `{}` is recorded yet; it is left out",
+            matcher.id,
+            dataset.name
+        );
+        return Ok(false);
+    }
     let protocol = protocols::of_estimator(&estimator.id);
     let export_of = |matches: &_| {
         Export::of_run(sequence, matches, &records, &|cameras, sizes, points| {
@@ -221,5 +254,5 @@ fn write(
             }
         }
     }
-    Ok(())
+    Ok(true)
 }
