@@ -1,8 +1,10 @@
 //! `matchbench run`: runs matchers on datasets, as arguments or a run file say; can be resumed.
 
 use std::io::Write;
+use std::path::Path;
 
 use anyhow::{Result, ensure};
+use matchbench::protocols;
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
@@ -35,7 +37,22 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     } else {
         format!("Next: matchbench report {}", typed(&folder))
     };
+    let next = by_its_rules(&study.protocols, &folder)? + &next;
     ending.after(printed.and_then(|()| Ok(writeln!(stdout(), "\n{next}")?)))
+}
+
+/// How the scores of the protocols that a run was under are shown, a line; nothing where it was under the paper's alone.
+fn by_its_rules(names: &[String], folder: &Path) -> Result<String> {
+    let others: Vec<&str> = (protocols::find_all(names)?.iter())
+        .filter(|protocol| !protocol.is_ours())
+        .map(|protocol| protocol.id)
+        .collect();
+    Ok(if others.is_empty() {
+        String::new()
+    } else {
+        let (run, others) = (typed(folder), others.join(","));
+        format!("Scores as published: matchbench eval {run} --protocol {others}\n")
+    })
 }
 
 /// What is asked for: the run file, if there is one, with the arguments replacing its settings.

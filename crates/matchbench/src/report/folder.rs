@@ -31,8 +31,8 @@ use super::raster::png;
 use super::svg::Target;
 use super::target::check_target;
 use super::{
-    Format, booktabs, citations, dataset_table, html, latex, method, pairs_csv, parquet, render,
-    vega,
+    Format, booktabs, citations, dataset_table, html, latex, method, pairs_csv, parquet,
+    protocol_table, render, render_protocols, vega,
 };
 
 /// Writes the report and returns the path of its page. Files of an earlier report are replaced, each in one
@@ -63,6 +63,17 @@ pub fn write_report(folder: &Path, content: &Content) -> io::Result<PathBuf> {
     ] {
         let table = content.noted(Format::Latex, table);
         out.write(&tables.join(name), table.as_bytes())?;
+    }
+    let scores = protocol_table::scores_of(content);
+    if !scores.is_empty() {
+        for (name, format) in [
+            ("protocols.csv", Format::Csv),
+            ("protocols.md", Format::Markdown),
+            ("protocols.tex", Format::Latex),
+        ] {
+            let table = content.noted(format, render_protocols(format, &scores));
+            out.write(&tables.join(name), table.as_bytes())?;
+        }
     }
     let cite = Path::new("cite");
     for (name, text) in [

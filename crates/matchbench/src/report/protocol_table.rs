@@ -4,10 +4,12 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, ScoreKind};
+use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, ScoreKind, under_protocols};
 use crate::protocols;
 
+use super::content::Content;
 use super::numbers::score;
+use super::score_words;
 use super::{Format, csv, latex, markdown, table};
 
 /// The scores as text, ending in a line end.
@@ -22,6 +24,17 @@ pub fn render_protocols(format: Format, scores: &[ProtocolScores]) -> String {
         Format::Markdown => as_markdown(scores),
         Format::Latex => as_latex(scores),
     }
+}
+
+/// The scores by the protocols that poses were estimated under, those of the paper apart; none where there are no others.
+pub(super) fn scores_of(content: &Content) -> Vec<ProtocolScores> {
+    let asked: Vec<_> = score_words::protocols(&content.summaries)
+        .filter(|protocol| !protocol.is_ours())
+        .collect();
+    if asked.is_empty() {
+        return Vec::new();
+    }
+    under_protocols(&content.results, content.plan().as_ref(), &asked)
 }
 
 /// The scores that any of the protocols has, in the order of the list.
