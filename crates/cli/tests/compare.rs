@@ -154,7 +154,7 @@ fn what_cannot_be_compared_is_refused_in_words() {
         &["run", "wall", "--matchers", "sift,orb", "--out", "run"],
     );
     for (words, said) in [
-        (&["compare", "run"][..], "<AFTER>"),
+        (&["compare", "run"][..], "--matchers FIRST,SECOND"),
         (&["compare", "run", "--matchers", "sift"], "takes two"),
         (
             &["compare", "run", "--matchers", "sift,sift"],

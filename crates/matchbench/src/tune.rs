@@ -18,7 +18,7 @@ use crate::records::images::ImageNotes;
 use crate::records::{DatasetPlan, FolderError, RunFolder, RunSettings, Tuned, TunedOn};
 use crate::run::{
     Cancel, Contender, ContenderError, Dataset, Observer, Outside, Run, RunError, RunSummary,
-    Variant,
+    Variant, built_in,
 };
 
 /// What is tuned, and on what.
@@ -108,6 +108,11 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
             "{parameter}: expected ESTIMATOR.PARAMETER, for example ransac-e.threshold_px"
         ))
     })?;
+    if estimators::find(id).is_err() && built_in().matchers.contains(&id) {
+        let reason =
+            format!("{parameter}: only parameters of estimators are tuned, and {id} is a matcher");
+        return Err(TuneError::Parameter(reason));
+    }
     if tuning.values.len() < 2 {
         let reason = format!("{parameter}: at least two values are needed");
         return Err(TuneError::Parameter(reason));

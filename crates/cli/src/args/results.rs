@@ -187,7 +187,7 @@ pub(crate) struct CompareArgs {
     #[arg(value_name = "BEFORE")]
     pub before: PathBuf,
     /// The second run, after the change
-    #[arg(value_name = "AFTER", required_unless_present = "matchers")]
+    #[arg(value_name = "AFTER")]
     pub after: Option<PathBuf>,
     /// Two methods to compare with each other, separated by a comma
     #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1)]

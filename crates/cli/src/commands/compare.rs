@@ -19,6 +19,10 @@ use crate::args::CompareArgs;
 use crate::output::{harmless, is_standard_output, say, stdout};
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
+    ensure!(
+        args.after.is_some() || !args.matchers.is_empty(),
+        "one run alone: give another as well, or two of its methods with --matchers FIRST,SECOND"
+    );
     let after = args.after.as_ref().unwrap_or(&args.before);
     let sets = [load(&args.before, None)?, load(after, None)?];
     same_truth(&args.before, after)?;

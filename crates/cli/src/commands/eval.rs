@@ -1,5 +1,6 @@
 //! `matchbench eval`: prints the scores of a run, or of results in the authors' layout.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
 
@@ -35,6 +36,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
             warn_of_ignored(results, &sets, &choice);
+            warn_of_strangers(&sets, &choice)?;
             warn_of_doubts(results, &sets)?;
             let mut content = content(sets);
             if RunFolder::is_at(results) {
@@ -80,6 +82,7 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
             let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
             warn_of_unfinished(results, &sets)?;
             warn_of_ignored(results, &sets, &choice);
+            warn_of_strangers(&sets, &choice)?;
             warn_of_doubts(results, &sets)?;
             let is_run = RunFolder::is_at(results);
             (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
@@ -151,6 +154,25 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
             set.dataset
         );
     }
+}
+
+/// Warns if a list of pairs names some that no results have.
+fn warn_of_strangers(sets: &[ResultSet], choice: &PairChoice) -> Result<()> {
+    let PairChoice::Rule(rule) = choice else {
+        return Ok(());
+    };
+    let Some(listed) = rule.list()? else {
+        return Ok(());
+    };
+    let scored: BTreeSet<(u32, u32)> = (sets.iter().flat_map(|set| &set.pairs))
+        .map(|pair| (pair.a, pair.b))
+        .collect();
+    let mut strangers = listed.iter().filter(|pair| !scored.contains(pair));
+    if let Some((a, b)) = strangers.next() {
+        let all = counted(1 + strangers.count(), "pair");
+        say!("warning: --pairs {rule}: there are no results of {all} of it, the first {a} {b}");
+    }
+    Ok(())
 }
 
 /// Warns if the truth of a dataset of a run cannot be right, as far as its poses tell.

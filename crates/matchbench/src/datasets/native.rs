@@ -25,8 +25,9 @@ use super::listed::{
     Listed, each_pair, has_one_twice, is_there, listed, parse_homography, parse_pose,
 };
 use super::manifest::{self, Manifest};
+use super::problem::first_error;
 use super::text::{self, TextFile};
-use super::{DatasetError, Frame, Pair, Problem, Sequence, Severity, Whole};
+use super::{DatasetError, Frame, Pair, Problem, Sequence, Whole};
 use crate::counted::counted;
 use crate::files::check_name;
 
@@ -144,72 +145,6 @@ impl Unpaired {
     }
 }
 
-fn first_error(problems: Vec<Problem>) -> Result<(), DatasetError> {
-    let is_error = |problem: &Problem| problem.severity == Severity::Error;
-    match problems.into_iter().find(is_error) {
-        Some(problem) => Err(problem.error),
-        None => Ok(()),
-    }
-}
-
-/// Reads a `pairs.txt`: only the ground truth, for scoring without images.
-///
-/// # Errors
-/// If the file cannot be read or a line is invalid.
-pub fn read_pairs(file: &Path) -> Result<Vec<Pair>, DatasetError> {
-    let mut problems = Vec::new();
-    let listed = listed(file, None, parse_pose, &mut problems);
-    first_error(problems)?;
-    let pair = |row: Listed<_>| Pair::with_pose(row.a, row.b, row.truth);
-    Ok(listed.into_iter().map(pair).collect())
-}
-
-/// Reads the pairs of the dataset in the folder `dir` from its `pairs.txt` and `homographies.txt`, of which one may be
-/// missing: only the ground truth, for scoring without images.
-///
-/// # Errors
-/// If a file cannot be read or a line is invalid, or if there is neither.
-pub fn read_dataset_pairs(dir: &Path) -> Result<Vec<Pair>, DatasetError> {
-    let (poses, homographies) = (dir.join(PAIRS), dir.join(HOMOGRAPHIES));
-    let mut pairs = Vec::new();
-    // Without images it is not known how many frames there are.
-    let most = u32::MAX as usize;
-    each_pair(&poses, &homographies, most, |pair| {
-        pairs.push(pair);
-    })?;
-    if has_one_twice(&pairs) {
-        // The list of poses: that of homographies was checked as it was read. This knows the lines.
-        read_pairs(&poses)?;
-    }
-    Ok(pairs)
-}
-
-/// Reads the true poses of `pairs` from a file with one row of 12 numbers for each pair, in their order.
-///
-/// # Errors
-/// If the file cannot be read, a line is invalid, or the number of rows differs from that of the pairs.
-pub fn read_poses_of_pairs(file: &Path, pairs: &[(u32, u32)]) -> Result<Vec<Pair>, DatasetError> {
-    let file = TextFile::read(file)?;
-    let rows = file.rows().count();
-    if rows != pairs.len() {
-        return Err(file.error(
-            format!(
-                "{} for {}",
-                counted(rows, "pose"),
-                counted(pairs.len(), "pair")
-            ),
-            "give one row for each pair, in the order of the results; or begin each row with `a b`",
-        ));
-    }
-    (file.rows().zip(pairs))
-        .map(|((line, row), &(a, b))| {
-            let pose = text::exactly(row).and_then(|numbers| text::rigid_motion(&numbers));
-            let b_from_a = pose.map_err(|what| file.error_at(line, what))?;
-            Ok(Pair::with_pose(a, b, b_from_a))
-        })
-        .collect()
-}
-
 /// All that the text files of a dataset contain, each item with its line.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
@@ -228,7 +163,7 @@ pub(super) struct Contents {
 impl Contents {
     pub(super) fn read(dir: &Path, problems: &mut Vec<Problem>) -> Self {
         let mut contents = Self::without_pairs(dir, problems);
-        if !dir.is_dir() {
+        if !dir.is_dir() || something_else(dir).is_some() {
             return contents;
         }
         // Without images every row would be out of range, so only that error is reported.
@@ -248,6 +183,10 @@ impl Contents {
             problems.push(
                 DatasetError::new(dir, "no such folder", "give the folder of a dataset").into(),
             );
+            return Self::default();
+        }
+        if let Some(error) = something_else(dir) {
+            problems.push(error.into());
             return Self::default();
         }
         let mut note = |error: DatasetError| problems.push(error.into());
@@ -324,6 +263,24 @@ impl Contents {
             })
             .collect()
     }
+}
+
+/// Why a folder is no dataset at all: nothing in it is that of one. Whoever has the original data has not imported them.
+fn something_else(dir: &Path) -> Option<DatasetError> {
+    let parts = [manifest::FILE, CAMERA, PAIRS, HOMOGRAPHIES, IMAGES];
+    if parts.iter().any(|part| is_there(&dir.join(part))) {
+        return None;
+    }
+    let remedy = if is_there(&dir.join("plan.json")) {
+        "it looks like the folder of a run; name the dataset that was run"
+    } else {
+        "make a dataset of it with `matchbench import`"
+    };
+    let what = format!(
+        "this is no dataset: it has neither {} nor {PAIRS}",
+        manifest::FILE
+    );
+    Some(DatasetError::new(dir, what, remedy))
 }
 
 /// The last part of the folder's path, also for `.` and `..`.
@@ -433,6 +390,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::{describe, testing};
+    use super::super::{read_dataset_pairs, read_pairs};
     use super::*;
 
     #[test]

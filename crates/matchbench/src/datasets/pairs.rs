@@ -210,6 +210,17 @@ impl PairRule {
         })
     }
 
+    /// The pairs of a list, by the numbers of their frames; `None` if the rule is no list.
+    ///
+    /// # Errors
+    /// As [`PairRule::chooser`].
+    pub fn list(&self) -> Result<Option<Vec<(u32, u32)>>, DatasetError> {
+        match self {
+            Self::List { file } => Ok(Some(numbered(&TextFile::read(file)?, None)?)),
+            _ => Ok(None),
+        }
+    }
+
     /// Applies the rule: returns the frames that remain, and their pairs with the true relative poses.
     ///
     /// # Errors

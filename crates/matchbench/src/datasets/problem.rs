@@ -54,3 +54,12 @@ impl Problem {
         }
     }
 }
+
+/// The first error among problems, if there is one.
+pub(super) fn first_error(problems: Vec<Problem>) -> Result<(), DatasetError> {
+    let is_error = |problem: &Problem| problem.severity == Severity::Error;
+    match problems.into_iter().find(is_error) {
+        Some(problem) => Err(problem.error),
+        None => Ok(()),
+    }
+}

@@ -135,7 +135,7 @@ fn other_code(written: &Value, plan: &Value) -> Option<String> {
         (is_code && before != now).then(|| {
             format!(
                 "the code of the matcher `{name}` was another, `{before}` and not `{now}`; if its results are the \
-                 same, give it that as its `version`"
+                 same, give it the `version` \"{before}\""
             )
         })
     })
@@ -227,7 +227,10 @@ pub(super) fn first_difference(written: &Value, plan: &Value, at: &str) -> Optio
                 )
             })
         }
-        _ => (written != plan).then(|| format!("`{at}` is {written} there and {plan} here")),
+        _ => (written != plan).then(|| {
+            let [written, plan] = [written, plan].map(in_words);
+            format!("`{at}` is {written} there and {plan} here")
+        }),
     }
 }
 
@@ -240,6 +243,14 @@ fn missing_or_different(written: Option<&Value>, plan: Option<&Value>, at: &str)
         )),
         (None, Some(plan)) => Some(format!("`{at}` is absent there and {} here", brief(plan))),
         (None, None) => None,
+    }
+}
+
+/// A value; what is null in a plan is no limit.
+fn in_words(value: &Value) -> String {
+    match value {
+        Value::Null => "not set".to_owned(),
+        value => value.to_string(),
     }
 }
 

@@ -294,7 +294,7 @@ fn another_plan_is_refused_with_the_field_that_differs() {
         limit: Some(3),
         ..RunSettings::default()
     };
-    refused(&bench, "`settings.limit` is null there and 3 here");
+    refused(&bench, "`settings.limit` is not set there and 3 here");
     bench.settings = RunSettings::default();
 
     let dark = bench.contenders.pop().unwrap();
