@@ -50,6 +50,8 @@ fn auc(cell: Option<&Cell<'_>>, angle: Angle) -> Value {
         rank => cell.rank,
         above => cell.above_baseline,
         group,
+        // Of a run that is not finished, so that nobody takes it for the score of all.
+        part => (s.lacking > 0).then(|| format!("{} of {}", s.pairs, s.pairs + s.lacking)),
         interval => bracketed(&cell.auc).trim_start(),
         tip,
     }
@@ -86,5 +88,19 @@ mod tests {
             page.contains("id=\"intervals\"") && page.contains(&shown),
             "{shown}"
         );
+    }
+
+    #[test]
+    fn a_method_that_lacks_results_is_marked_and_not_ranked() {
+        let mut content = content(&[("room", "sift", 6), ("room", "orb", 8)]);
+        content.summaries[1].lacking = 5;
+        let page = render(&content);
+        let pairs = content.summaries[1].pairs;
+        let part = format!(
+            "0.800<small class=\"part quiet\">{pairs} of {}</small>",
+            pairs + 5
+        );
+        assert!(page.contains(&part), "{part}");
+        assert!(!page.contains("aria-label=\"rank 1\""));
     }
 }
