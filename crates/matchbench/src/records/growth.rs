@@ -36,6 +36,7 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     another_dataset(&written, &plan)
         .or_else(|| other_code(&written, &plan))
         .or_else(|| another_sample(old, new))
+        .or_else(|| another_protocol(old, new))
         .or_else(|| first_difference(&written, &plan, ""))
 }
 
@@ -91,6 +92,29 @@ fn pairs_of_known<'p>(written: &'p Plan, plan: &'p Plan) -> impl Iterator<Item =
     let datasets = plan.datasets.iter();
     let known = datasets.filter(move |dataset| is_known(&dataset.name, dataset.pairs));
     known.map(|dataset| dataset.pairs)
+}
+
+/// Whether `plan` is under other protocols alone, where the paper's was `written`: estimators under another are called
+/// `ID@PROTOCOL`.
+fn another_protocol(written: &Plan, plan: &Plan) -> Option<String> {
+    let under = |plan: &Plan| -> BTreeSet<String> {
+        let estimators = plan.matchers.iter().flat_map(|matcher| &matcher.estimators);
+        let protocol = |id: &str| {
+            id.split_once('@')
+                .map_or("", |(_, protocol)| protocol)
+                .to_owned()
+        };
+        estimators.map(|planned| protocol(&planned.id)).collect()
+    };
+    let (before, now) = (under(written), under(plan));
+    (before.contains("") && !now.contains("") && !now.is_empty()).then(|| {
+        let others: Vec<String> = now.into_iter().collect();
+        format!(
+            "it is under the paper's protocol, which is not among those that are asked for; `--protocol \
+             matchbench,{}` has both",
+            others.join(",")
+        )
+    })
 }
 
 /// Which sample has not the pairs of the sample that was `written`, in words that say which would.

@@ -230,3 +230,18 @@ fn what_failed_before_a_run_grew_is_tried_again_as_ever() {
     assert_eq!(summary.before, summary.total / 2 - 1);
     assert!(summary.is_complete());
 }
+
+#[test]
+fn another_protocol_alone_is_refused_with_the_way_to_have_both() {
+    let toy = Toy::default();
+    let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
+    bench.run("grown").unwrap();
+    let mut under = toy.contender("bright", &["first"]);
+    under.estimators[0].name = "first@superglue".into();
+    bench.contenders = vec![under];
+    let message = bench.run("grown").unwrap_err().to_string();
+    assert!(
+        message.contains("`--protocol matchbench,superglue` has both"),
+        "{message}"
+    );
+}
