@@ -123,6 +123,7 @@ pub(super) fn row(summary: &Summary) -> Row {
     push("unexplained", Cell::Count(unexplained));
     push("missing", Cell::Count(missing));
     push("ignored", Cell::Count(summary.ignored));
+    push("lacking", Cell::Count(summary.lacking));
     push("undirected", Cell::Count(summary.undirected));
     let stages = &summary.stages;
     for (head, spread) in [
