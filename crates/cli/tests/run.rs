@@ -244,3 +244,45 @@ fn a_signal_that_was_ignored_at_the_start_stops_nothing() {
     assert_eq!(child.wait().expect("it ran").code(), Some(0));
     assert_eq!(records(&run, "wall", "sift").len(), PAIRS);
 }
+
+#[test]
+fn runs_of_several_matchers_are_joined_and_go_on_as_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let go = |words: &[&str]| {
+        let done = matchbench().current_dir(&folder).args(words).output();
+        let done = done.expect("the program starts");
+        let said =
+            [done.stdout, done.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+        (done.status.code(), said.concat())
+    };
+    assert!(wall.is_dir());
+    for matcher in ["sift", "orb"] {
+        let (code, said) = go(&["run", "wall", "--matchers", matcher, "--out", matcher]);
+        assert_eq!(code, Some(0), "{said}");
+    }
+    let (code, said) = go(&["join", "sift", "orb", "--out", "both"]);
+    assert!(
+        code == Some(0) && said.contains("12 tasks of 2 runs; records in both"),
+        "{said}"
+    );
+    let (code, said) = go(&["join", "sift", "orb", "--out", "both"]);
+    assert!(
+        code == Some(1) && said.contains("both holds a run already"),
+        "{said}"
+    );
+    let (code, said) = go(&[
+        "run",
+        "wall",
+        "--matchers",
+        "sift,orb",
+        "--repeat",
+        "2",
+        "--out",
+        "both",
+    ]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(lines(&folder.path().join("both")), 12);
+    let (_, said) = go(&["join", "sift", "--out", "alone"]);
+    assert!(said.contains("2 values required"), "{said}");
+}
