@@ -13,6 +13,7 @@ use matchbench::config::Changes;
 use matchbench::counted::counted;
 use matchbench::external;
 use matchbench::records::{self, KeepMatches, RunFolder};
+use matchbench::report::check_target;
 use matchbench::run::{Cancel, Run, RunSummary, pair_seed as seed_of_pair};
 use matchbench::study::Study;
 use matchbench_cli::plain;
@@ -199,7 +200,12 @@ fn listening(
 /// Joins runs into one; returns how many results are planned, recorded and failed.
 #[pyfunction]
 pub(crate) fn join(py: Python<'_>, runs: Vec<PathBuf>, out: PathBuf) -> PyResult<(u64, u64, u64)> {
-    let done = detached(py, || records::join(&runs, &out).map_err(error))??;
+    let done = detached(py, || {
+        // Neither inside of a run or a dataset, nor where a dataset is.
+        check_target(&out).map_err(error)?;
+        check_target(&out.join("dataset.toml")).map_err(error)?;
+        records::join(&runs, &out).map_err(error)
+    })??;
     Ok((done.planned, done.recorded, done.failed))
 }
 

@@ -283,6 +283,13 @@ fn runs_of_several_matchers_are_joined_and_go_on_as_one() {
     ]);
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(lines(&folder.path().join("both")), 12);
+    for out in ["wall", "wall/Images/x", "sift/records/x"] {
+        let (code, said) = go(&["join", "sift", "orb", "--out", out]);
+        assert!(
+            code == Some(1) && said.contains("which it would damage"),
+            "{out}: {said}"
+        );
+    }
     let (_, said) = go(&["join", "sift", "--out", "alone"]);
     assert!(said.contains("2 values required"), "{said}");
 }

@@ -5,6 +5,7 @@ use std::io::Write;
 use anyhow::Result;
 use matchbench::counted::counted;
 use matchbench::records::{Joined, join};
+use matchbench::report::check_target;
 
 use super::job::tell_reasons;
 use crate::Ending;
@@ -12,6 +13,9 @@ use crate::args::JoinArgs;
 use crate::output::{say, stdout, typed};
 
 pub(crate) fn run(args: &JoinArgs) -> Result<Ending> {
+    // Neither inside of a run or a dataset, nor where a dataset is; that a run is there is told by the call.
+    check_target(&args.out)?;
+    check_target(&args.out.join("dataset.toml"))?;
     let Joined {
         planned,
         recorded,
