@@ -96,22 +96,28 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
 
 /// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs.
 pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
-    let sentences = if RunFolder::is_at(results) {
+    let is_told = if RunFolder::is_at(results) {
         let run = RunFolder::open(results)?;
         warn_of_absent(results, run.plan(), sets);
-        unfinished(&run, sets)?
+        warn_of_unrecorded(&run, sets)?
     } else {
-        Vec::new()
+        false
     };
-    for sentence in &sentences {
-        say!("warning: {}: {sentence}", results.display());
-    }
-    if sentences.is_empty() {
+    if !is_told {
         for set in sets {
             warn_of_missing(results, set);
         }
     }
     Ok(())
+}
+
+/// Warns if a run has fewer or more records than it planned; returns whether it has.
+pub(super) fn warn_of_unrecorded(run: &RunFolder, sets: &[ResultSet]) -> Result<bool> {
+    let sentences = unfinished(run, sets)?;
+    for sentence in &sentences {
+        say!("warning: {}: {sentence}", run.path().display());
+    }
+    Ok(!sentences.is_empty())
 }
 
 /// Warns if files of matches lack pairs that were run, which count as wrong.

@@ -11,12 +11,13 @@ use matchbench::config::find;
 use matchbench::counted::counted;
 use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format, check_dataset};
-use matchbench::metrics::{load, unfinished};
+use matchbench::metrics::load_run;
 use matchbench::protocols;
 use matchbench::records::{
     DatasetPlan, MatcherPlan, Outcome, Plan, RunFolder, RunRecord, Task, authors,
 };
 
+use super::eval::warn_of_unrecorded;
 use crate::Ending;
 use crate::args::ExportArgs;
 use crate::output::{say, stdout};
@@ -33,10 +34,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
     if run.plan().settings.repetitions.get() > 1 {
         say!("note: only the first repetition of each pair is written");
     }
-    let unfinished = unfinished(&run, &load(&args.run, None)?)?;
-    for sentence in &unfinished {
-        say!("warning: {}: {sentence}", args.run.display());
-    }
+    warn_of_unrecorded(&run, &load_run(&run, None)?)?;
     if args.format == AUTHORS {
         ensure!(
             args.inliers.is_none(),

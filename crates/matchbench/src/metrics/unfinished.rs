@@ -44,12 +44,7 @@ impl Unfinished {
             return None;
         }
         for dataset in &plan.datasets {
-            let takes_part = |id: &String| (dataset.matchers.iter()).all(|ids| ids.contains(id));
-            for matcher in plan
-                .matchers
-                .iter()
-                .filter(|matcher| takes_part(&matcher.id))
-            {
+            for matcher in plan.matchers_on(dataset) {
                 for estimator in &matcher.estimators {
                     let names = [&dataset.name, &matcher.id, &estimator.id];
                     let set = (sets.iter())

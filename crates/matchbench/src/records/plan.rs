@@ -97,6 +97,14 @@ impl Plan {
         (iter::once(id).chain(variant_of)).find_map(estimators::is_of_homographies)
     }
 
+    /// The matchers that are run on one of its datasets.
+    pub fn matchers_on(&self, dataset: &DatasetPlan) -> impl Iterator<Item = &MatcherPlan> {
+        let runs = |id: &String| dataset.matchers.as_ref().is_none_or(|ids| ids.contains(id));
+        self.matchers
+            .iter()
+            .filter(move |matcher| runs(&matcher.id))
+    }
+
     /// The matcher with this id, if it is planned.
     pub fn matcher(&self, id: &str) -> Option<&MatcherPlan> {
         self.matchers.iter().find(|matcher| matcher.id == id)

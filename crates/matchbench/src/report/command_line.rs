@@ -169,10 +169,7 @@ pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option
 
 /// The matchers that are run on a dataset.
 pub(super) fn matchers_on<'a>(plan: &'a Plan, dataset: &DatasetPlan) -> Vec<&'a MatcherPlan> {
-    let runs = |matcher: &&MatcherPlan| {
-        (dataset.matchers.as_ref()).is_none_or(|ids| ids.contains(&matcher.id))
-    };
-    plan.matchers.iter().filter(runs).collect()
+    plan.matchers_on(dataset).collect()
 }
 
 /// The command that measures how long the native matchers of a plan take.

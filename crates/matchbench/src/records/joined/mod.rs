@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use super::images::ImageNotes;
 use super::line::to_line;
 use super::{
-    DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
-    Tuned, matches, store,
+    FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError, Tuned, matches,
+    store,
 };
 use crate::files::{WholeFile, open_file};
 use plan::joined;
@@ -137,10 +137,7 @@ pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
 fn planned(plan: &Plan) -> u64 {
     let mut planned = 0_u64;
     for dataset in &plan.datasets {
-        let runs = |matcher: &&MatcherPlan| {
-            (dataset.matchers.as_ref()).is_none_or(|ids| ids.contains(&matcher.id))
-        };
-        let methods = plan.matchers.iter().filter(runs);
+        let methods = plan.matchers_on(dataset);
         let methods: usize = methods.map(|matcher| matcher.estimators.len()).sum();
         planned =
             planned.saturating_add((plan.tasks_on(dataset) as u64).saturating_mul(methods as u64));
@@ -231,21 +228,13 @@ fn only(
 /// The number of records of these names, a dataset, a matcher and an estimator, if they are planned there.
 fn records(folder: &RunFolder, names: [&str; 3]) -> Result<u64, StoreError> {
     let [dataset, matcher, estimator] = names;
-    let is_run_on = |planned: &DatasetPlan| {
-        let ids = &planned.matchers;
-        planned.name == dataset
-            && ids
-                .as_ref()
-                .is_none_or(|ids| ids.iter().any(|id| id == matcher))
-    };
     let plan = folder.plan();
-    let estimators = plan
-        .matcher(matcher)
-        .map_or(&[][..], |planned| &planned.estimators);
+    let of_dataset = (plan.datasets.iter()).filter(|planned| planned.name == dataset);
+    let of_matcher = (of_dataset.flat_map(|planned| plan.matchers_on(planned)))
+        .filter(|planned| planned.id == matcher);
+    let mut estimators = of_matcher.flat_map(|planned| &planned.estimators);
     let mut count = 0;
-    if plan.datasets.iter().any(is_run_on)
-        && estimators.iter().any(|planned| planned.id == estimator)
-    {
+    if estimators.any(|planned| planned.id == estimator) {
         folder.for_each_of(names, |_| count += 1)?;
     }
     Ok(count)
