@@ -80,8 +80,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             Ok,
         )?;
         check_dataset(&run, dataset, &sequence)?;
-        let is_run = |id: &String| (dataset.matchers.as_ref()).is_none_or(|own| own.contains(id));
-        for matcher in matchers.iter().filter(|matcher| is_run(&matcher.id)) {
+        for matcher in (matchers.iter()).filter(|matcher| dataset.runs(&matcher.id)) {
             any |= write(args, &run, format, (dataset, &sequence), matcher)?;
         }
     }

@@ -99,10 +99,7 @@ impl Plan {
 
     /// The matchers that are run on one of its datasets.
     pub fn matchers_on(&self, dataset: &DatasetPlan) -> impl Iterator<Item = &MatcherPlan> {
-        let runs = |id: &String| dataset.matchers.as_ref().is_none_or(|ids| ids.contains(id));
-        self.matchers
-            .iter()
-            .filter(move |matcher| runs(&matcher.id))
+        (self.matchers.iter()).filter(|matcher| dataset.runs(&matcher.id))
     }
 
     /// The matcher with this id, if it is planned.
@@ -169,6 +166,13 @@ pub struct DatasetPlan {
     /// Ids of the matchers that are run on it, in the order of the plan; absent where all are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub matchers: Option<Vec<String>>,
+}
+
+impl DatasetPlan {
+    /// Whether the matcher with this id is run on it, if it is planned.
+    pub fn runs(&self, id: &str) -> bool {
+        (self.matchers.as_ref()).is_none_or(|ids| ids.iter().any(|own| own == id))
+    }
 }
 
 /// The note of a matcher that is code in Python, in the process of the run: no command starts it.

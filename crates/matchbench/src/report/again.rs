@@ -221,13 +221,10 @@ impl DatasetAgain {
         });
         let out = format!("{ALL}-{file}");
         let whole = command_line::whole(plan, &[dataset], &out);
-        let matchers = command_line::matchers_on(plan, dataset);
-        let of_matchers = matchers
-            .iter()
-            .filter_map(|matcher| needs(matcher, dataset));
+        let of_matchers = (plan.matchers_on(dataset)).filter_map(|matcher| needs(matcher, dataset));
         let of_scene = facts.and_then(rendered_in_part);
         let needs = of_scene.into_iter().chain(of_matchers).collect();
-        let cells = (matchers.into_iter())
+        let cells = (plan.matchers_on(dataset))
             .flat_map(|matcher| matcher.estimators.iter().map(move |e| (matcher, e)))
             .map(|planned| CellAgain::of(plan, dataset, planned));
         Self {

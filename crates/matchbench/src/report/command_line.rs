@@ -112,8 +112,8 @@ pub(super) fn cell(
 
 /// The command that runs everything that is planned on these datasets. `None` if no single command can do that.
 pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option<CommandLine> {
-    let matchers = matchers_on(plan, datasets.first()?);
-    if (datasets.iter()).any(|dataset| matchers_on(plan, dataset) != matchers) {
+    let matchers: Vec<&MatcherPlan> = plan.matchers_on(datasets.first()?).collect();
+    if !(datasets.iter()).all(|dataset| plan.matchers_on(dataset).eq(matchers.iter().copied())) {
         return None;
     }
     let variants = (matchers.iter())
@@ -167,18 +167,10 @@ pub(super) fn whole(plan: &Plan, datasets: &[&DatasetPlan], out: &str) -> Option
     )
 }
 
-/// The matchers that are run on a dataset.
-pub(super) fn matchers_on<'a>(plan: &'a Plan, dataset: &DatasetPlan) -> Vec<&'a MatcherPlan> {
-    plan.matchers_on(dataset).collect()
-}
-
 /// The command that measures how long the native matchers of a plan take.
 pub(super) fn time(plan: &Plan, dataset: &DatasetPlan) -> Option<CommandLine> {
     let native = |matcher: &&MatcherPlan| Origin::of(matcher) == Origin::Native;
-    let matchers: Vec<_> = matchers_on(plan, dataset)
-        .into_iter()
-        .filter(native)
-        .collect();
+    let matchers: Vec<_> = plan.matchers_on(dataset).filter(native).collect();
     let ids: Vec<&str> = matchers.iter().map(|matcher| &*matcher.id).collect();
     if ids.is_empty() {
         return None;
