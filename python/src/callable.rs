@@ -272,6 +272,6 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
         a,
         b,
         ambiguity,
-        turns: None,
+        ..MatchedPoints::default()
     })
 }

@@ -31,23 +31,34 @@ impl Estimator {
         &self.built
     }
 
-    /// Checks that `turns`, if they are given, are used.
+    /// Checks that `turns` and `growths`, if they are given, are used.
     ///
     /// # Errors
     /// If they would do nothing.
-    fn check_turns(&self, turns: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
-        let setting = self.built.params.get("turns").and_then(Value::as_bool);
-        if turns.is_none() || setting == Some(true) {
-            return Ok(());
-        }
+    fn check_acting(&self, turns: bool, growths: bool) -> PyResult<()> {
         let id = &self.built.id;
-        let remedy = match setting {
-            Some(_) => format!("make it by estimator(\"{id}\", turns=True), or leave them out"),
-            None => "leave them out, or use estimator(\"adaptive\")".to_owned(),
-        };
-        Err(value_error(format!(
-            "`turns` would do nothing: this `{id}` uses points alone; {remedy}"
-        )))
+        let setting = self.built.params.get("turns").and_then(Value::as_bool);
+        if (turns || growths) && setting != Some(true) {
+            let name = if turns { "turns" } else { "growths" };
+            let remedy = match setting {
+                Some(_) => format!("make it by estimator(\"{id}\", turns=True), or leave them out"),
+                None => "leave them out, or use estimator(\"adaptive\")".to_owned(),
+            };
+            return Err(value_error(format!(
+                "`{name}` would do nothing: this `{id}` uses points alone; {remedy}"
+            )));
+        }
+        let hypotheses = self.built.params.get("hypotheses").and_then(Value::as_u64);
+        if growths && hypotheses.is_none_or(|hypotheses| hypotheses < 2) {
+            let remedy = match hypotheses {
+                Some(_) => format!("make it by estimator(\"{id}\", turns=True, hypotheses=8), or "),
+                None => String::new(),
+            };
+            return Err(value_error(format!(
+                "`growths` would do nothing: this `{id}` keeps the best model alone; {remedy}leave them out"
+            )));
+        }
+        Ok(())
     }
 }
 
@@ -88,10 +99,13 @@ impl Estimator {
     /// 0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
     /// `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
     /// An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
+    /// `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
+    /// estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1); every other one
+    /// refuses them.
     /// With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
     ///
     /// Raises `NoModel` if the matches determine no pose.
-    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, seed=0))]
+    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, growths=None, seed=0))]
     fn estimate(
         &self,
         py: Python<'_>,
@@ -101,6 +115,7 @@ impl Estimator {
         camera_b: Camera,
         ambiguity: Option<Bound<'_, PyAny>>,
         turns: Option<Bound<'_, PyAny>>,
+        growths: Option<Bound<'_, PyAny>>,
         #[pyo3(from_py_with = whole)] seed: u64,
     ) -> PyResult<PoseEstimate> {
         let Built::Pose(pose) = &self.built.estimator else {
@@ -110,8 +125,8 @@ impl Estimator {
             );
             return Err(value_error(message));
         };
-        self.check_turns(turns.as_ref())?;
-        let matches = matched(points_a, points_b, ambiguity, turns)?;
+        self.check_acting(turns.is_some(), growths.is_some())?;
+        let matches = matched(points_a, points_b, ambiguity, turns, growths)?;
         let count = matches.len();
         let found = detached(py, || {
             let views = TwoViews {
@@ -157,8 +172,8 @@ impl Estimator {
             let message = format!("`{}` estimates poses; call `estimate`", self.built.id);
             return Err(value_error(message));
         };
-        self.check_turns(turns.as_ref())?;
-        let matches = matched(points_a, points_b, ambiguity, turns)?;
+        self.check_acting(turns.is_some(), false)?;
+        let matches = matched(points_a, points_b, ambiguity, turns, None)?;
         let seed = estimation_seed(Seed(seed), &self.built.id);
         match detached(py, || homography.estimate(&matches, seed))? {
             Ok(inner) => Ok(HomographyEstimate {
@@ -177,13 +192,14 @@ impl Estimator {
 /// The matches given by two arrays of points, row by row.
 ///
 /// # Errors
-/// If they are not points or their numbers differ, if an ambiguity is negative or no number, or if a turn is not
-/// finite.
+/// If they are not points or their numbers differ, if an ambiguity is negative or no number, or if a turn or
+/// growth is not finite.
 pub(crate) fn matched(
     points_a: &Bound<'_, PyAny>,
     points_b: &Bound<'_, PyAny>,
     ambiguity: Option<Bound<'_, PyAny>>,
     turns: Option<Bound<'_, PyAny>>,
+    growths: Option<Bound<'_, PyAny>>,
 ) -> PyResult<MatchedPoints> {
     let (a, b) = (points(points_a, "points_a")?, points(points_b, "points_b")?);
     if a.len() != b.len() {
@@ -206,16 +222,29 @@ pub(crate) fn matched(
         );
         return Err(value_error(message));
     }
-    let turns = match turns {
-        Some(turns) => Some(column(&turns, "turns", count)?),
-        None => None,
+    let finite = |values: Option<Bound<'_, PyAny>>, name: &str, what: &str| {
+        let Some(values) = values else {
+            return Ok(None);
+        };
+        let values = column(&values, name, count)?;
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(row) => Err(value_error(format!(
+                "`{name}` are {what}; row {row} is not finite"
+            ))),
+            None => Ok(Some(values)),
+        }
     };
-    if let Some(row) = (turns.iter().flatten()).position(|turn| !turn.is_finite()) {
-        return Err(value_error(format!(
-            "`turns` are radians; row {row} is not finite. Where keypoints have no orientation, leave them out"
-        )));
-    }
-    Ok(MatchedPoints::new(a, b, ambiguity).with_turns(turns))
+    let turns = finite(
+        turns,
+        "turns",
+        "radians; where keypoints have no orientation, leave them out",
+    )?;
+    let growths = finite(
+        growths,
+        "growths",
+        "logarithms of ratios of sizes; where keypoints have no size, leave them out",
+    )?;
+    Ok((MatchedPoints::new(a, b, ambiguity).with_turns(turns)).with_growths(growths))
 }
 
 /// A mask with one bool for each of `count` matches: whether it is one of the `inliers`.

@@ -205,11 +205,12 @@ impl Matches {
         points_b: &Bound<'_, PyAny>,
         ambiguity: Bound<'_, PyAny>,
         turns: Option<Bound<'_, PyAny>>,
+        growths: Option<Bound<'_, PyAny>>,
         indices: &Bound<'_, PyAny>,
         features_a: &Features,
         features_b: &Features,
     ) -> PyResult<Self> {
-        let points = matched(points_a, points_b, Some(ambiguity), turns)?;
+        let points = matched(points_a, points_b, Some(ambiguity), turns, growths)?;
         let features = [features_a, features_b].map(|features| Arc::clone(&features.inner));
         let indices = index_pairs(indices, [features[0].len(), features[1].len()])?;
         if indices.len() != points.len() {
@@ -229,7 +230,8 @@ impl Matches {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         let points = (self.points_a(py)?, self.points_b(py)?);
-        let (ambiguity, turns) = (self.ambiguity(py)?, self.turns(py)?);
+        let ambiguity = self.ambiguity(py)?;
+        let changes = (self.turns(py)?, self.growths(py)?);
         let indices = self.indices(py)?;
         let features = (self.features_a(), self.features_b());
         let call = (
@@ -237,7 +239,8 @@ impl Matches {
             points.0,
             points.1,
             ambiguity,
-            turns,
+            changes.0,
+            changes.1,
             indices,
             features.0,
             features.1,
@@ -273,6 +276,16 @@ impl Matches {
         let turns = self.points.turns.clone();
         turns
             .map(|turns| matrix(py, turns, [self.points.len()]))
+            .transpose()
+    }
+
+    /// m: the natural logarithm of how many times as large the keypoint of b is as that of a, in pixels of each image;
+    /// None if sizes are not known.
+    #[getter]
+    fn growths<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let growths = self.points.growths.clone();
+        growths
+            .map(|growths| matrix(py, growths, [self.points.len()]))
             .transpose()
     }
 

@@ -76,14 +76,14 @@ def command_line_run(dataset, tmp_path_factory):
 
 
 def stored_matches(path):
-    """Matches by pair: m x 5 (x_a, y_a, x_b, y_b, ambiguity), and m x 6 where they have turns."""
+    """Matches by pair: m x 5 (x_a, y_a, x_b, y_b, ambiguity), and one more for turns and one for growths where they are."""
     data, at, found = path.read_bytes(), 8, {}
     while at < len(data):
         a, b, _, _, _, _, count = struct.unpack_from("<7I", data, at)
-        turned, count = count >> 31, count & 0x7FFFFFFF
+        columns, count = (count >> 31) + (count >> 30 & 1), count & 0x3FFFFFFF
         found[a, b] = np.frombuffer(data, "<f4", 5 * count, at + 28).reshape(count, 5)
         at += 28 + 20 * count
-        if turned:
+        for _ in range(columns):
             found[a, b] = np.column_stack([found[a, b], np.frombuffer(data, "<f4", count, at)])
             at += 4 * count
         at += 8

@@ -83,7 +83,7 @@ def test_matches_and_poses_step_by_step_are_those_of_the_command_line(name, data
     for a, b in dataset.pairs.tolist():
         seed = mb.pair_seed(dataset.name, name, a, b)
         matches = matcher.match(images[a], images[b], cameras[a], cameras[b], seed=seed)
-        parts = [matches.points_a, matches.points_b, matches.ambiguity, matches.turns]
+        parts = [matches.points_a, matches.points_b, matches.ambiguity, matches.turns, matches.growths]
         ours = np.column_stack(parts).astype(np.float32)
         assert np.array_equal(ours, stored[a, b])
         for id in ESTIMATORS:

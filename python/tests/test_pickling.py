@@ -14,7 +14,7 @@ WAYS = [
     copy.deepcopy,
 ]
 FEATURES = ["keypoints", "sizes", "angles", "responses", "octaves", "lafs", "descriptors", "image_size", "bits"]
-MATCHES = ["points_a", "points_b", "ambiguity", "turns", "indices"]
+MATCHES = ["points_a", "points_b", "ambiguity", "turns", "growths", "indices"]
 POSE = ["R", "t", "q", "inliers", "num_inliers", "support", "pose_probability", "overlap_probability", "iterations"]
 HOMOGRAPHY = ["H", "inliers", "num_inliers", "iterations"]
 DATASET = ["name", "path", "images", "pairs", "b_from_a", "homographies"]
@@ -123,6 +123,7 @@ def test_what_was_pickled_is_checked_when_it_comes_back(matched):
     caller, (kind,) = matched.__reduce__()
     assert kind is mb.Matches and len(caller(kind)) == len(matched)
     few = matched.features_a.select([0])
-    parts = (matched.points_a, matched.points_b, matched.ambiguity, matched.turns, matched.indices, few, few)
+    columns = (matched.points_a, matched.points_b, matched.ambiguity, matched.turns, matched.growths)
+    parts = (*columns, matched.indices, few, few)
     with pytest.raises(ValueError, match="of image a, which has 1"):
         mb.Matches._of_parts(*parts)

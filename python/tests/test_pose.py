@@ -229,7 +229,7 @@ def test_too_few_matches_are_no_pose():
     for ambiguity in (-1, np.nan):
         with pytest.raises(ValueError, match="from 0.*row 3"):
             mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, ambiguity])
-    with pytest.raises(ValueError, match="`turns`.*row 1.*leave them out"):
+    with pytest.raises(ValueError, match="`turns`.*leave them out; row 1"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, np.nan, 0, 0])
     with pytest.raises(TypeError, match="turns.*4 numbers"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, 1])
@@ -277,6 +277,45 @@ def test_turns_are_refused_where_they_would_do_nothing(matches, dataset):
     with pytest.raises(ValueError, match="`turns` would do nothing.*best-h"):
         mb.estimator("best-h").estimate_homography(flat, flat, turns=np.zeros(20))
     assert mb.estimator("best-h", turns=True).estimate_homography(flat, flat, turns=np.zeros(20)).num_inliers == 20
+
+
+def test_growths_are_used_by_several_hypotheses_and_refused_elsewhere(matches, dataset):
+    points, camera = (matches.points_a, matches.points_b), dataset.camera(0)
+
+    def pose(estimator, **columns):
+        return estimator.estimate(*points, camera, camera, **columns)
+
+    patient = mb.estimator("adaptive", hypotheses=8)
+    assert pose(patient, turns=matches.turns, growths=matches.growths).num_inliers > 0
+    for id, params, remedy in [
+        ("adaptive", {}, r'keeps the best model alone; make it by estimator\("adaptive", turns=True, hypotheses=8\)'),
+        ("best", {}, r'uses points alone; make it by estimator\("best", turns=True\)'),
+        ("ransac-e", {}, "uses points alone; leave them out"),
+    ]:
+        with pytest.raises(ValueError, match=f"`growths` would do nothing: this `{id}` {remedy}"):
+            pose(mb.estimator(id, **params), growths=matches.growths)
+    with pytest.raises(ValueError, match="`growths`.*leave them out; row 2 is not finite"):
+        pose(patient, growths=[0, 0, np.inf, *[0] * (len(matches) - 3)])
+    with pytest.raises(ValueError, match="`hypotheses` does nothing"):
+        mb.estimator("best", hypotheses=8)
+
+
+def test_how_keypoints_changed_decides_between_two_motions():
+    """More matches move towards the camera, but no keypoint grew, as those of the other motion."""
+    random = np.random.default_rng(5)
+    camera, shifts = mb.Camera(500, 500, 320, 240), np.array([[0.1, 0.1, -1.8], [-1.0, 0.3, 0.0]])
+
+    def seen(points):
+        x, y, z = points.T
+        return np.stack([500 * x / z + 320, 500 * y / z + 240], axis=1) + random.normal(0, 0.2, (len(x), 2))
+
+    scene = random.uniform([-1, -0.8, 3], [1, 0.8, 7], (200, 3))
+    moved = scene + np.repeat(shifts, [110, 90], axis=0)
+    points, unchanged = (seen(scene), seen(moved)), np.zeros(200, np.float32)
+    patient = mb.estimator("adaptive", hypotheses=8)
+    for columns, right in [({}, 0), ({"turns": unchanged, "growths": unchanged}, 1)]:
+        pose = patient.estimate(*points, camera, camera, **columns)
+        assert angle(pose.t, shifts[right] / np.linalg.norm(shifts[right])) < 3, columns
 
 
 def test_an_array_without_an_end_is_an_error():

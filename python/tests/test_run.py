@@ -87,7 +87,7 @@ def test_matchers_written_in_python_stand_beside_the_others(dataset, tmp_path):
     natives, ours = (stored_matches(run.path / "matches" / dataset.name / f"{name}.bin") for name in ("orb", "by_orb"))
     assert natives.keys() == ours.keys()
     for pair, matches in ours.items():
-        assert natives[pair].shape[1] == 6 and np.array_equal(matches, natives[pair][:, :5])
+        assert natives[pair].shape[1] == 7 and np.array_equal(matches, natives[pair][:, :5])
     plan = json.loads((run.path / "plan.json").read_text())
     entry = next(matcher for matcher in plan["matchers"] if matcher["id"] == "staged-sift")
     assert entry["version"] == "1.2" and entry["params"] == {"ratio": 0.7}

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! `MATCHES` holds one block per pair of images: a line `pair NAME`, a line with `fx fy cx cy` of both cameras
-//! (eight numbers), and a line `ax ay bx by [ambiguity [turn]]` per match, in pixels and radians. `SEEDS`
+//! (eight numbers), and a line `ax ay bx by [ambiguity [turn [growth]]]` per match, in pixels and radians; the growth is
+//! a logarithm. `SEEDS`
 //! (default 1) is the number of seeds; they start at `FIRST_SEED` (default 0). For each pair and seed one line
 //! is printed:
 //!
@@ -20,7 +21,7 @@
 //! `spread`, `horizon=5000` (PROSAC), `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`,
 //! `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`, `final=25`, `loss` `truncated`
 //! or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`,
-//! `turns=false`.
+//! `turns=false`, `hypotheses=8`.
 
 use std::time::Instant;
 use std::{env, error, fs};
@@ -40,8 +41,8 @@ struct Pair {
     name: String,
     cameras: Option<(Camera, Camera)>,
     points: MatchedPoints,
-    /// Turns of the matches that have one.
-    turns: Vec<f32>,
+    /// Turns and growths of the matches that have them.
+    changes: [Vec<f32>; 2],
 }
 
 // As in the program.
@@ -108,6 +109,7 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("score", "even-msac") => changes.score = Some(ScoreName::EvenMsac),
             ("plane_poses", value) => changes.plane_poses = Some(value.parse()?),
             ("turns", value) => changes.turns = Some(value.parse()?),
+            ("hypotheses", value) => changes.hypotheses = Some(value.parse()?),
             ("score_cells", value) => changes.score_cells = Some(value.parse()?),
             ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),
             ("loss", "cauchy") => changes.final_loss = Some(Loss::Cauchy),
@@ -137,7 +139,7 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 name: name.trim().into(),
                 cameras: None,
                 points: MatchedPoints::default(),
-                turns: Vec::new(),
+                changes: Default::default(),
             });
             continue;
         }
@@ -152,29 +154,33 @@ fn read(text: &str) -> Result<Vec<Pair>, Error> {
                 );
                 pair.cameras = Some(cameras);
             }
-            (Some(pair), &[ax, ay, bx, by, ref more @ ..]) if more.len() < 3 => {
+            (Some(pair), &[ax, ay, bx, by, ref more @ ..]) if more.len() < 4 => {
                 let ambiguity = more.first().map_or(0.0, |&x| x as f32);
-                pair.turns.extend(more.get(1).map(|&turn| turn as f32));
+                for (column, value) in pair.changes.iter_mut().zip(more.iter().skip(1)) {
+                    column.push(*value as f32);
+                }
                 pair.points
                     .push(Point2::new(ax, ay), Point2::new(bx, by), ambiguity);
             }
             _ => {
                 return Err(
-                    format!("line {}: expected `pair`, 8, or 4 to 6 numbers", index + 1).into(),
+                    format!("line {}: expected `pair`, 8, or 4 to 7 numbers", index + 1).into(),
                 );
             }
         }
     }
     for pair in &mut pairs {
-        let turns = std::mem::take(&mut pair.turns);
-        if !turns.is_empty() {
-            if turns.len() != pair.points.len() {
-                return Err(
-                    format!("pair {}: a turn of every match, or of none", pair.name).into(),
-                );
-            }
-            pair.points = std::mem::take(&mut pair.points).with_turns(Some(turns));
+        let count = pair.points.len();
+        let changes = std::mem::take(&mut pair.changes);
+        if changes
+            .iter()
+            .any(|column| ![0, count].contains(&column.len()))
+        {
+            let what = "a turn (or growth) of every match, or of none";
+            return Err(format!("pair {}: {what}", pair.name).into());
         }
+        let [turns, growths] = changes.map(|column| (!column.is_empty()).then_some(column));
+        pair.points = (std::mem::take(&mut pair.points).with_turns(turns)).with_growths(growths);
     }
     Ok(pairs)
 }

@@ -211,8 +211,10 @@ fn matches(doors: &Doors) -> Vec<u8> {
     for key in [(0, 1, 0), (0, 1, 1)] {
         file.append(key, &matches).expect("writable");
     }
-    let turned = points.with_turns(Some(vec![0.1, -2.0, 3.0]));
-    let matches = SelectedMatches::new(counts, &turned);
+    let columns = [vec![0.1, -2.0, 3.0], vec![0.7, 0.0, -0.7]].map(Some);
+    let [turns, growths] = columns;
+    let framed = points.with_turns(turns).with_growths(growths);
+    let matches = SelectedMatches::new(counts, &framed);
     file.append((0, 2, 0), &matches).expect("writable");
     fs::read(path).expect("readable")
 }

@@ -143,6 +143,10 @@ class Matches:
         """m: the angle by which the keypoint of b is turned relative to that of a, in radians from 0 to 2 pi; None if
         keypoints have no orientation."""
     @property
+    def growths(self) -> NDArray[np.float32] | None:
+        """m: the natural logarithm of how many times as large the keypoint of b is as that of a, in pixels of each image;
+        None if sizes are not known."""
+    @property
     def indices(self) -> NDArray[np.int64]:
         """m x 2: features of a and of b."""
     @property
@@ -274,6 +278,7 @@ class Estimator:
         *,
         ambiguity: ArrayLike | None = None,
         turns: ArrayLike | None = None,
+        growths: ArrayLike | None = None,
         seed: int = 0,
     ) -> PoseEstimate:
         """The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
@@ -284,6 +289,9 @@ class Estimator:
         0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
         `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
         An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
+        `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
+        estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1); every other one
+        refuses them.
         With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
 
         Raises `NoModel` if the matches determine no pose."""

@@ -126,6 +126,7 @@ fn indexed(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> 
         a: Vec::new(),
         b: Vec::new(),
         turns: None,
+        growths: None,
         rating: Rating::None,
         element: a.element(),
         keypoints: Some(counts),

@@ -179,6 +179,8 @@ struct RawMatches {
     b: Vec<[f64; 2]>,
     /// By how much each keypoint of b is turned against that of a, in radians, where the format knows it of all.
     turns: Option<Vec<f32>>,
+    /// The logarithm of how many times as large each keypoint of b is as that of a, where the format knows it of all.
+    growths: Option<Vec<f32>>,
     rating: Rating,
     /// How coordinates are stored, which says how far they were rounded.
     element: Element,

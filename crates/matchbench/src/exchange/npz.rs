@@ -160,6 +160,7 @@ fn matches(
         a: (0..count).map(|row| a.point(row, 2)).collect(),
         b: (0..count).map(|row| b.point(row, 2)).collect(),
         turns: None,
+        growths: None,
         rating,
         element: a.element(),
         keypoints: None,

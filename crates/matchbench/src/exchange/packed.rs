@@ -89,6 +89,7 @@ impl Source for Packed {
             a: rows.clone().map(|row| point(row, 0)).collect(),
             b: rows.clone().map(|row| point(row, 2)).collect(),
             turns: None,
+            growths: None,
             rating: Rating::Ambiguity(ambiguity.collect()),
             element: self.xy.element(),
             keypoints: None,

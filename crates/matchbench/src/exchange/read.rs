@@ -204,7 +204,8 @@ impl MatchFiles {
         let ambiguity = raw.rating.ambiguities(raw.a.len(), self.understood.scores);
         Ok(Some(FileMatches {
             points: MatchedPoints::new(points_a, points_b, ambiguity.map_err(wrong)?)
-                .with_turns(raw.turns),
+                .with_turns(raw.turns)
+                .with_growths(raw.growths),
             keypoints: raw.keypoints,
         }))
     }
@@ -280,8 +281,8 @@ impl MatchFiles {
         bounded(raw.a.len()).map_err(|what| self.wrong(index, (a, b), what))?;
         if swapped {
             std::mem::swap(&mut raw.a, &mut raw.b);
-            for turn in raw.turns.iter_mut().flatten() {
-                *turn = -*turn;
+            for change in raw.turns.iter_mut().chain(&mut raw.growths).flatten() {
+                *change = -*change;
             }
             if let Some(keypoints) = &mut raw.keypoints {
                 keypoints.reverse();

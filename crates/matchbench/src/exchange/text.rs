@@ -115,6 +115,7 @@ fn parse(text: &str, most: usize) -> Result<RawMatches, (usize, String)> {
         a,
         b,
         turns: None,
+        growths: None,
         element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
         keypoints: None,
     })

@@ -70,6 +70,7 @@ impl PixelView {
             b: seen(&points.b, self.shifts[1]),
             ambiguity: points.ambiguity.clone(),
             turns: points.turns.clone(),
+            growths: points.growths.clone(),
         }
     }
 

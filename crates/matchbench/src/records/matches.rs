@@ -15,9 +15,10 @@
 //! | --- | --- |
 //! | 4 × 3 | frames a and b, repetition |
 //! | 4 × 3 | features of a and of b, matches after the search |
-//! | 4 | number of matches, plus 2^31 where they have turns; or 2^32 - 1: those of the repetition before |
+//! | 4 | number of matches, plus 2^31 where they have turns, plus 2^30 where they have growths; or 2^32 - 1: those of the repetition before |
 //! | 20 each | x and y in a, x and y in b (pixels), ambiguity |
-//! | 4 each | where there are: by how much the keypoint of b is turned against that of a (radians) |
+//! | 4 each | where there are turns: by how much the keypoint of b is turned against that of a (radians) |
+//! | 4 each | where there are growths: logarithm of how many times as large the keypoint of b is as that of a |
 //! | 8 | the beginning of the BLAKE3 hash of all this |
 //!
 //! A process that is killed leaves at most one entry without its end, which is cut off by whoever
@@ -41,9 +42,11 @@ pub(super) const MAGIC: [u8; 8] = *b"mbmatch1";
 const AS_BEFORE: u32 = u32::MAX;
 pub(super) const HEADER: usize = 4 * 7;
 const MATCH: usize = 4 * 5;
-/// Set in the number of matches of an entry whose matches have turns.
+/// Set in the number of matches of an entry whose matches have turns, and of one whose matches have growths.
 const WITH_TURNS: u32 = 1 << 31;
-const TURN: usize = 4;
+const WITH_GROWTHS: u32 = 1 << 30;
+/// Bytes of a turn, and of a growth.
+const COLUMN: usize = 4;
 pub(super) const CHECKSUM: usize = 8;
 
 /// Which matches of a run stay on disk.
@@ -84,7 +87,8 @@ impl SelectedMatches {
                 round(&points.b),
                 points.ambiguity.clone(),
             )
-            .with_turns(points.turns.clone()),
+            .with_turns(points.turns.clone())
+            .with_growths(points.growths.clone()),
         }
     }
 
@@ -295,18 +299,21 @@ impl MatchesFile {
     }
 }
 
-/// How many matches follow a header with this `count`, and whether they have turns.
-fn matches_of(count: u32) -> (usize, bool) {
+/// How many matches follow a header with this `count`, and whether they have turns and growths.
+fn matches_of(count: u32) -> (usize, [bool; 2]) {
     match count {
-        AS_BEFORE => (0, false),
-        _ => ((count & !WITH_TURNS) as usize, count & WITH_TURNS != 0),
+        AS_BEFORE => (0, [false; 2]),
+        _ => (
+            (count & !(WITH_TURNS | WITH_GROWTHS)) as usize,
+            [WITH_TURNS, WITH_GROWTHS].map(|bit| count & bit != 0),
+        ),
     }
 }
 
 fn entry_length(count: u32) -> usize {
-    let (matches, have_turns) = matches_of(count);
-    let each = MATCH + if have_turns { TURN } else { 0 };
-    HEADER + matches * each + CHECKSUM
+    let (matches, columns) = matches_of(count);
+    let columns = columns.into_iter().filter(|&is_there| is_there).count();
+    HEADER + matches * (MATCH + columns * COLUMN) + CHECKSUM
 }
 
 /// Whose matches an entry with this header has, and the length of the entry in bytes.
@@ -331,10 +338,13 @@ fn numbers(header: &[u8; HEADER]) -> [u32; 7] {
 
 fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: bool) -> Vec<u8> {
     let counts = matches.counts;
-    let count = match &matches.points.turns {
-        _ if same => AS_BEFORE,
-        Some(_) => counts.selected | WITH_TURNS,
-        None => counts.selected,
+    let points = &matches.points;
+    let bit = |column: &Option<Vec<f32>>, bit| if column.is_some() { bit } else { 0 };
+    let columns = bit(&points.turns, WITH_TURNS) | bit(&points.growths, WITH_GROWTHS);
+    let count = if same {
+        AS_BEFORE
+    } else {
+        counts.selected | columns
     };
     let header = [
         a,
@@ -353,14 +363,15 @@ fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: boo
             b,
             ambiguity,
             turns,
-        } = &matches.points;
+            growths,
+        } = points;
         for ((a, b), &ambiguity) in a.iter().zip(b).zip(ambiguity) {
             let (a, b) = (a.cast::<f32>(), b.cast::<f32>());
             let numbers = [a.x, a.y, b.x, b.y, ambiguity];
             entry.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         }
-        let turns = turns.iter().flatten();
-        entry.extend(turns.flat_map(|turn| turn.to_le_bytes()));
+        let columns = turns.iter().chain(growths).flatten();
+        entry.extend(columns.flat_map(|value| value.to_le_bytes()));
     }
     let hash = blake3::hash(&entry);
     entry.extend(&hash.as_bytes()[..CHECKSUM]);
@@ -374,8 +385,8 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
     let content = &entry[..entry.len() - CHECKSUM];
     let (header, rows) = content.split_first_chunk()?;
     let [_, _, _, features_a, features_b, putative, count] = numbers(header);
-    let (selected, have_turns) = matches_of(count);
-    let (rows, turns) = rows.split_at_checked(selected * MATCH)?;
+    let (selected, columns) = matches_of(count);
+    let (rows, mut rest) = rows.split_at_checked(selected * MATCH)?;
     let mut points = MatchedPoints::default();
     for row in rows.as_chunks::<MATCH>().0 {
         let at = |index: usize| f32::from_le_bytes(row.as_chunks().0[index]);
@@ -386,12 +397,17 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
         let point = |x: f32, y: f32| Point2::new(x, y).cast();
         points.push(point(at(0), at(1)), point(at(2), at(3)), at(4));
     }
-    let turns: Option<Vec<f32>> = have_turns.then(|| {
-        (turns.as_chunks().0.iter())
-            .map(|&bytes| f32::from_le_bytes(bytes))
-            .collect()
-    });
-    if !turns.iter().flatten().all(|turn| turn.is_finite()) {
+    let mut column = |is_there: bool| -> Option<Option<Vec<f32>>> {
+        if !is_there {
+            return Some(None);
+        }
+        let values = rest.split_off(..selected * COLUMN)?.as_chunks().0.iter();
+        Some(Some(
+            values.map(|&bytes| f32::from_le_bytes(bytes)).collect(),
+        ))
+    };
+    let (turns, growths) = (column(columns[0])?, column(columns[1])?);
+    if !(turns.iter().chain(&growths).flatten()).all(|value| value.is_finite()) {
         return None;
     }
     Some(SelectedMatches {
@@ -401,7 +417,7 @@ fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
             putative,
             selected: u32::try_from(selected).ok()?,
         },
-        points: points.with_turns(turns),
+        points: points.with_turns(turns).with_growths(growths),
     })
 }
 
@@ -438,11 +454,21 @@ mod tests {
         }
     }
 
-    /// A file with the matches of three tasks, the second the same as the first.
-    fn three() -> (
+    /// The same, with growths.
+    fn grown(matches: SelectedMatches) -> SelectedMatches {
+        let SelectedMatches { counts, points } = matches;
+        let growths = (0..counts.selected).map(|i| 0.3 - i as f32).collect();
+        SelectedMatches {
+            counts,
+            points: points.with_growths(Some(growths)),
+        }
+    }
+
+    /// A file with the matches of five tasks, the second the same as the first.
+    fn several() -> (
         tempfile::TempDir,
         PathBuf,
-        [(MatchesKey, SelectedMatches); 3],
+        [(MatchesKey, SelectedMatches); 5],
     ) {
         let folder = tempfile::tempdir().unwrap();
         let file = path(folder.path(), "office", "sift");
@@ -450,6 +476,8 @@ mod tests {
             ((0, 1, 0), matches(5)),
             ((0, 1, 1), matches(5)),
             ((0, 2, 0), turned(3)),
+            ((0, 3, 0), grown(matches(4))),
+            ((0, 4, 0), grown(turned(2))),
         ];
         let mut writer = MatchesFile::open(&file).unwrap();
         for (key, matches) in &entries {
@@ -461,7 +489,7 @@ mod tests {
 
     #[test]
     fn matches_come_back_bit_for_bit() {
-        let (_folder, file, entries) = three();
+        let (_folder, file, entries) = several();
         let read = MatchesFile::open(&file).unwrap();
         for (key, matches) in entries {
             assert_eq!(read.read(key).unwrap(), Some(matches));
@@ -471,39 +499,51 @@ mod tests {
 
     #[test]
     fn matches_of_a_repetition_that_are_the_same_take_no_room() {
-        let (_folder, file, _) = three();
-        let expected =
-            MAGIC.len() + entry_length(5) + entry_length(AS_BEFORE) + entry_length(3 | WITH_TURNS);
+        let (_folder, file, _) = several();
+        let counts = [
+            5,
+            AS_BEFORE,
+            3 | WITH_TURNS,
+            4 | WITH_GROWTHS,
+            2 | WITH_TURNS | WITH_GROWTHS,
+        ];
+        let expected = MAGIC.len() + counts.map(entry_length).iter().sum::<usize>();
         assert_eq!(entry_length(3 | WITH_TURNS), entry_length(3) + 12);
+        assert_eq!(entry_length(counts[4]), entry_length(2) + 16);
         assert_eq!(fs::metadata(file).unwrap().len(), expected as u64);
     }
 
     #[test]
     fn those_of_chosen_indices_keep_all_that_is_known_of_them() {
-        let chosen = turned(5).of_indices(&[4, 9, 0]);
+        let chosen = grown(turned(5)).of_indices(&[4, 9, 0]);
         assert_eq!(chosen.counts.selected, 2);
         assert_eq!(chosen.points.turns, Some(vec![3.9, -0.1]));
+        assert_eq!(chosen.points.growths, Some(vec![-3.7, 0.3]));
         assert_eq!(chosen.points.a[0], turned(5).points.a[4]);
         assert_eq!(matches(5).of_indices(&[1]).points.turns, None);
     }
 
     #[test]
-    fn a_turn_that_is_not_finite_is_damage_whatever_the_checksum() {
-        let mut forged = turned(3);
-        forged.points.turns = Some(vec![0.0, f32::NAN, 0.0]);
-        let entry = to_bytes((0, 1, 0), &forged, false);
-        assert!(is_sound(&entry) && from_bytes(&entry).is_none());
-        assert!(from_bytes(&to_bytes((0, 1, 0), &turned(3), false)).is_some());
+    fn a_turn_or_growth_that_is_not_finite_is_damage_whatever_the_checksum() {
+        for of in 0..2 {
+            let mut forged = grown(turned(3));
+            let SelectedMatches { points, .. } = &mut forged;
+            let column = [&mut points.turns, &mut points.growths];
+            *column[of] = Some(vec![0.0, f32::NAN, 0.0]);
+            let entry = to_bytes((0, 1, 0), &forged, false);
+            assert!(is_sound(&entry) && from_bytes(&entry).is_none());
+        }
+        assert!(from_bytes(&to_bytes((0, 1, 0), &grown(turned(3)), false)).is_some());
     }
 
     #[test]
     fn a_torn_file_is_completed_wherever_it_was_torn() {
-        let (_folder, file, entries) = three();
+        let (_folder, file, entries) = several();
         let whole = fs::read(&file).unwrap();
         for length in 0..whole.len() {
             fs::write(&file, &whole[..length]).unwrap();
             let mut torn = MatchesFile::open(&file).unwrap();
-            assert!(!torn.contains((0, 2, 0)));
+            assert!(!torn.contains((0, 4, 0)));
             for (key, matches) in &entries {
                 torn.append(*key, matches).unwrap();
             }
@@ -514,7 +554,7 @@ mod tests {
 
     #[test]
     fn damage_is_refused_with_the_file() {
-        let (_folder, file, _) = three();
+        let (_folder, file, _) = several();
         let whole = fs::read(&file).unwrap();
         let mut damaged = whole.clone();
         damaged[MAGIC.len() + HEADER + 3] ^= 1;

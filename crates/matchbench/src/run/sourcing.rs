@@ -70,6 +70,7 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
         b,
         ambiguity,
         turns,
+        growths,
     } = points;
     if a.len() != b.len() || a.len() != ambiguity.len() {
         return Err(format!(
@@ -93,12 +94,13 @@ fn check(matches: &SourcedMatches) -> Result<(), String> {
             ambiguity[index]
         ));
     }
-    if let Some(turns) = turns {
-        if turns.len() != a.len() {
-            return Err(format!("{} turns for {} matches", turns.len(), a.len()));
+    for (name, column) in [("turn", turns), ("growth", growths)] {
+        let Some(column) = column else { continue };
+        if column.len() != a.len() {
+            return Err(format!("{} {name}s for {} matches", column.len(), a.len()));
         }
-        if let Some(index) = turns.iter().position(|turn| !turn.is_finite()) {
-            return Err(format!("match {index} has a turn that is not finite"));
+        if let Some(index) = column.iter().position(|value| !value.is_finite()) {
+            return Err(format!("match {index} has a {name} that is not finite"));
         }
     }
     let seconds = [
@@ -199,7 +201,7 @@ mod tests {
     #[test]
     fn what_is_no_match_fails_the_pair_and_says_why() {
         type Change = fn(&mut SourcedMatches) -> Result<(), SourceError>;
-        let cases: [(Change, &str); 8] = [
+        let cases: [(Change, &str); 9] = [
             (
                 |m| {
                     let MatchedPoints {
@@ -248,6 +250,13 @@ mod tests {
                     Ok(())
                 },
                 "match 7 has a turn",
+            ),
+            (
+                |m| {
+                    m.points.growths = Some(vec![f32::NAN; 40]);
+                    Ok(())
+                },
+                "match 0 has a growth",
             ),
             (
                 |m| {

@@ -227,8 +227,8 @@ impl Doors {
             for point in points.a.iter().chain(&points.b) {
                 assert!(point.x.is_finite() && point.y.is_finite());
             }
-            if let Some(turns) = &points.turns {
-                assert!(turns.len() == points.a.len() && turns.iter().all(|turn| turn.is_finite()));
+            for column in points.turns.iter().chain(&points.growths) {
+                assert!(column.len() == points.a.len() && column.iter().all(|v| v.is_finite()));
             }
             let again = self.at("again.bin");
             let _ = fs::remove_file(&again);

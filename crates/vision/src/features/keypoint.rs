@@ -55,6 +55,12 @@ impl Keypoint {
             turn
         })
     }
+
+    /// How many times as large `other`, the same point seen in another image, is as this keypoint: the natural
+    /// logarithm.
+    pub fn growth_to(&self, other: &Self) -> f32 {
+        libm::logf(other.size / self.size)
+    }
 }
 
 /// Angle of a direction as keypoints have it: in radians in `[0, 2 pi)`, from the x axis towards the y axis.

@@ -33,6 +33,10 @@ pub struct MatchedPoints {
     /// not known for every match. Scores that use it trust a match less if its angle differs from that of most
     /// matches (see [`Score`](crate::robust::Score)).
     pub turns: Option<Vec<f32>>,
+    /// The natural logarithm of how many times as large the keypoint of `b` is as that of `a`, in pixels of each
+    /// image; `None` if it is not known for every match. A search that keeps several
+    /// [hypotheses](crate::robust::Geometry::Essential) uses it beside `turns` to choose among them.
+    pub growths: Option<Vec<f32>>,
 }
 
 impl MatchedPoints {
@@ -46,6 +50,7 @@ impl MatchedPoints {
             b,
             ambiguity,
             turns: None,
+            growths: None,
         };
         points.check();
         points
@@ -63,6 +68,18 @@ impl MatchedPoints {
         points
     }
 
+    /// The same matches, with the logarithms of how many times as large their keypoints are in `b`; `None` if they
+    /// are not known for every match.
+    ///
+    /// # Panics
+    /// If the numbers of logarithms and of matches differ.
+    #[must_use]
+    pub fn with_growths(self, growths: Option<Vec<f32>>) -> Self {
+        let points = Self { growths, ..self };
+        points.check();
+        points
+    }
+
     /// Number of matches.
     pub fn len(&self) -> usize {
         self.a.len()
@@ -73,12 +90,14 @@ impl MatchedPoints {
         self.a.is_empty()
     }
 
-    /// Appends a match whose turn is not known, so [`turns`](Self::turns) becomes `None`.
+    /// Appends a match of which no more is known, so [`turns`](Self::turns) and [`growths`](Self::growths) become
+    /// `None`.
     pub fn push(&mut self, a: Point2<f64>, b: Point2<f64>, ambiguity: f32) {
         self.a.push(a);
         self.b.push(b);
         self.ambiguity.push(ambiguity);
         self.turns = None;
+        self.growths = None;
     }
 
     /// The matches whose entry in `mask` is `true`, in their order.
@@ -107,6 +126,7 @@ impl MatchedPoints {
             b: chosen(&self.b, indices),
             ambiguity: chosen(&self.ambiguity, indices),
             turns: (self.turns.as_ref()).map(|turns| chosen(turns, indices)),
+            growths: (self.growths.as_ref()).map(|growths| chosen(growths, indices)),
         }
     }
 
@@ -151,6 +171,8 @@ impl MatchedPoints {
         );
         let turns = self.turns.as_ref().map_or(self.a.len(), Vec::len);
         assert_eq!(self.a.len(), turns, "each match has a turn, or none");
+        let growths = self.growths.as_ref().map_or(self.a.len(), Vec::len);
+        assert_eq!(self.a.len(), growths, "each match has a growth, or none");
     }
 }
 
@@ -169,9 +191,12 @@ mod tests {
 
     #[test]
     fn a_mask_keeps_the_lists_together() {
-        let three = || three().with_turns(Some(vec![0.1, 0.2, 0.3]));
+        let three = || {
+            (three().with_turns(Some(vec![0.1, 0.2, 0.3]))).with_growths(Some(vec![1.0, 0.0, -1.0]))
+        };
         let kept = three().masked(&[true, false, true]);
         assert_eq!(kept.turns, Some(vec![0.1, 0.3]));
+        assert_eq!(kept.growths, Some(vec![1.0, -1.0]));
         assert_eq!(kept.len(), 2);
         assert_eq!((kept.a[1], kept.b[1]), (three().a[2], three().b[2]));
         assert_eq!(kept.ambiguity, [0.0, 0.5]);
@@ -181,16 +206,26 @@ mod tests {
     }
 
     #[test]
-    fn a_match_without_a_turn_leaves_all_without() {
+    fn a_match_without_turn_and_growth_leaves_all_without() {
         let mut points = three().with_turns(Some(vec![0.1, 0.2, 0.3]));
+        points.growths = Some(vec![0.0; 3]);
         points.push(Point2::new(1.0, 1.0), Point2::new(2.0, 2.0), 0.5);
-        assert_eq!((points.len(), points.turns), (4, None));
+        assert_eq!(
+            (points.len(), points.turns, points.growths),
+            (4, None, None)
+        );
     }
 
     #[test]
     #[should_panic(expected = "a turn")]
     fn as_many_turns_as_matches_are_needed() {
         let _ = three().with_turns(Some(vec![0.1]));
+    }
+
+    #[test]
+    #[should_panic(expected = "a growth")]
+    fn as_many_growths_as_matches_are_needed() {
+        let _ = three().with_growths(Some(vec![0.1; 4]));
     }
 
     #[test]

@@ -42,8 +42,9 @@ pub(super) fn retain_masked(matches: &mut Correspondences, mask: &[bool]) {
 }
 
 impl MatchedPoints {
-    /// The positions of the matched features, the ambiguity of each match, and how far its keypoints are
-    /// turned.
+    /// The positions of the matched features, the ambiguity of each match, and how far its keypoints are turned and
+    /// have grown. Growths are left out if one is not finite, and if all keypoints are equally large: sizes that a
+    /// detector does not measure tell nothing.
     ///
     /// # Errors
     /// If a match names a feature that does not exist; only a matcher from outside can do this.
@@ -73,6 +74,12 @@ impl MatchedPoints {
             ends().map(|(_, b)| b.at.cast()).collect(),
             matches.iter().map(Correspondence::ambiguity).collect(),
         );
-        points.with_turns(ends().map(|(a, b)| a.turn_to(b)).collect())
+        let first = ends().next().map(|(a, _)| a.size);
+        let growths: Vec<f32> = ends().map(|(a, b)| a.growth_to(b)).collect();
+        let are_measured = growths.iter().all(|growth| growth.is_finite())
+            && ends().any(|(a, b)| [a.size, b.size].map(Some) != [first; 2]);
+        points
+            .with_turns(ends().map(|(a, b)| a.turn_to(b)).collect())
+            .with_growths(are_measured.then_some(growths))
     }
 }

@@ -22,11 +22,11 @@
 //! first local optimisation. Here every new best model is improved, from the first sample on.
 //! [`Extras::min_samples`] does not delay this; it only says how many samples are drawn at least.
 //!
-//! In the end the best model is compared with its rivals ([`Problem::rivals`]). If the sample of a new best model
-//! is degenerate, another model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are
-//! excluded by a costlier check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned
-//! early (Matas, Chum, "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a
-//! good one.
+//! In the end the best model is compared with its rivals ([`Problem::rivals`]), and with further
+//! [hypotheses](super::hypotheses) if they are asked for. If the sample of a new best model is degenerate, another
+//! model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are excluded by a costlier
+//! check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned early (Matas, Chum,
+//! "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a good one.
 //!
 //! In any case a model is abandoned as soon as an upper bound of its quality
 //! ([`Scoring::upper_bound`]) is not above the quality of the best one. Up to the rounding of sums, this changes no
@@ -36,7 +36,9 @@
 //! rounded to the nearest integer (half to even) and never grows; a model needs at least as many inliers as a
 //! sample has data; by default there is no local optimisation.
 
+use super::hypotheses::Hypotheses;
 use super::sprt::Sprt;
+use super::support::{possible_above, sum_above, support_above};
 use super::{Problem, Sampling, Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
@@ -92,6 +94,9 @@ pub struct Extras {
     /// Whether bad models are rejected early by a sequential probability ratio test. It has no effect if the
     /// score is not a sum over the data. The data must be in random order.
     pub sprt: bool,
+    /// Number of models that differ which are kept beside the best, until one of all is chosen at the end by how far it
+    /// lets the data be [trusted](Problem::trust); with 1 none is.
+    pub hypotheses: usize,
 }
 
 impl Extras {
@@ -100,6 +105,7 @@ impl Extras {
         min_samples: 0,
         local_steps: 0,
         sprt: false,
+        hypotheses: 1,
     };
 }
 
@@ -122,6 +128,7 @@ pub fn consensus_until<P: Problem>(
     let mut drawn = vec![0; P::BATCH * P::SAMPLE];
     let mut models = Vec::with_capacity(P::BATCH);
     let mut best: Option<(P::Model, Support)> = None;
+    let mut others = (extras.hypotheses > 1).then(|| Hypotheses::new(extras.hypotheses));
     let mut sprt = extras.sprt.then(Sprt::new);
     let mut needed = params.max_samples;
     let mut samples = 0;
@@ -141,12 +148,27 @@ pub fn consensus_until<P: Problem>(
             let limit = best
                 .as_ref()
                 .map_or(f64::NEG_INFINITY, |(_, best)| best.quality);
-            let better = support_above(limit, problem, score, model, sprt.as_mut(), &mut residuals);
-            let Some(support) = better else {
+            let floor = (others.as_ref()).map_or(limit, |others| others.floor(limit).min(limit));
+            let sum = sum_above(floor, problem, score, model, sprt.as_mut(), &mut residuals);
+            // What is impossible is costly to find, so first it is asked whether the model is still wanted.
+            let wanted = sum.filter(|sum| {
+                let is_new =
+                    |others: &Hypotheses<_>| others.place(problem, model, sum.quality).is_some();
+                sum.quality > limit || others.as_ref().is_some_and(is_new)
+            });
+            let Some(support) = wanted
+                .and_then(|sum| possible_above(floor, problem, score, model, sum, &mut residuals))
+            else {
                 continue;
             };
             if support.inliers < P::SAMPLE {
                 continue;
+            }
+            if let Some(others) = &mut others {
+                others.add(problem, model, support.quality);
+                if support.quality <= limit {
+                    continue;
+                }
             }
             let mut found = (model.clone(), support);
             let resolved =
@@ -175,6 +197,9 @@ pub fn consensus_until<P: Problem>(
             .unwrap_or(rival);
         best = better_of(problem, score, best, Some(refined), &mut residuals);
     }
+    if let Some(others) = others {
+        best = others.choose(problem, score, best, extras.local_steps);
+    }
     Some(with_inliers(problem, best.0, best.1, samples))
 }
 
@@ -188,7 +213,7 @@ fn better_of<P: Problem>(
 ) -> (P::Model, Support) {
     let better = other.and_then(|other| {
         let limit = found.1.quality;
-        let support = support_above(limit, problem, score, &other, None, residuals)?;
+        let support = support_above(limit, problem, score, &other, residuals)?;
         Some((other, support))
     });
     better.unwrap_or(found)
@@ -204,7 +229,7 @@ pub(super) fn judged<P: Problem>(
 ) -> Option<Consensus<P::Model>> {
     let mut residuals = vec![0.0; problem.len()];
     let limit = f64::NEG_INFINITY;
-    let support = support_above(limit, problem, score, &model, None, &mut residuals)?;
+    let support = support_above(limit, problem, score, &model, &mut residuals)?;
     (support.inliers >= P::SAMPLE).then(|| with_inliers(problem, model, support, samples))
 }
 
@@ -250,55 +275,6 @@ pub(super) fn near<P: Problem>(
     let mut residuals = vec![0.0; problem.len()];
     problem.squared_residuals(model, 0..problem.len(), &mut residuals);
     pairs.chosen(&inliers_within(&residuals, squared))
-}
-
-/// Number of residuals that are computed before the loop checks again whether the model can still win.
-const BLOCK: usize = 64;
-
-/// The support of a model, if its quality is above `limit` and `sprt` does not reject it.
-fn support_above<P: Problem>(
-    limit: f64,
-    problem: &P,
-    score: &impl Scoring,
-    model: &P::Model,
-    mut sprt: Option<&mut Sprt>,
-    residuals: &mut [f64],
-) -> Option<Support> {
-    let n = problem.len();
-    let mut total: Option<Support> = None;
-    if score.upper_bound(0..n).is_some() {
-        for start in (0..n).step_by(BLOCK) {
-            let range = start..n.min(start + BLOCK);
-            let block = &mut residuals[range.clone()];
-            problem.squared_residuals(model, range.clone(), block);
-            let support = score.support(range.clone(), block);
-            let sum = total.map_or(support, |total| Support {
-                quality: total.quality + support.quality,
-                inliers: total.inliers + support.inliers,
-                ..support
-            });
-            // A model with quality NaN never wins.
-            let rest = score.upper_bound(range.end..n).unwrap_or(f64::INFINITY);
-            let can_win = sum.quality + rest > limit;
-            let mut is_bad = || (sprt.as_mut()).is_some_and(|t| t.gives_up(sum.inliers, range.end));
-            if !can_win || is_bad() {
-                return None;
-            }
-            total = Some(sum);
-        }
-    } else {
-        problem.squared_residuals(model, 0..n, residuals);
-        total = Some(score.support(0..n, residuals));
-    }
-    let support = total.filter(|support| support.quality > limit)?;
-    if score.upper_bound(0..n).is_none() {
-        // Such a score leaves changed values, or another order, in the slice, so residuals are computed again.
-        problem.squared_residuals(model, 0..n, residuals);
-    }
-    if !problem.exclude_impossible(model, support.squared_threshold, residuals) {
-        return Some(support);
-    }
-    Some(score.support(0..n, residuals)).filter(|support| support.quality > limit)
 }
 
 /// Number of samples after which, with the required confidence, at least one was free of outliers and its model
@@ -460,7 +436,7 @@ mod tests {
     fn inliers(problem: &Right, score: &impl Scoring) -> usize {
         let mut residuals = vec![0.0; problem.len()];
         let limit = f64::NEG_INFINITY;
-        let support = support_above(limit, problem, score, &[0.0; 2], None, &mut residuals);
+        let support = support_above(limit, problem, score, &[0.0; 2], &mut residuals);
         support.expect("any quality will do").inliers
     }
 

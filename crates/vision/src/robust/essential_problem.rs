@@ -11,13 +11,13 @@ use std::ops::Range;
 
 use nalgebra::Matrix3;
 
-use super::Problem;
 use super::consensus::{NEAR, inliers_within, near};
 use super::plane_poses::plane_poses;
+use super::{KeypointChanges, Problem};
 use crate::geometry::solvers::{FivePoints, SAMPLES_AT_ONCE, Solutions, five_point_of_each};
 use crate::geometry::{
-    Loss, PointPairs, decompose_essential, essential_from_pose, ray_depths, refine_pose,
-    squared_sampson_distances,
+    Loss, PointPairs, RelativePose, decompose_essential, essential_from_pose, ray_depths,
+    refine_pose, squared_sampson_distances,
 };
 use crate::seed::Rng;
 
@@ -34,6 +34,9 @@ pub struct EssentialProblem<'a> {
     pub cheirality: bool,
     /// Whether the best pose is compared with the poses that a plane of its inliers allows.
     pub plane_poses: bool,
+    /// How the keypoints of each match turned and grew, by which a match is [trusted](Problem::trust) more or less;
+    /// `None` if it is not known, or not to be used.
+    pub changes: Option<&'a KeypointChanges>,
 }
 
 impl Problem for EssentialProblem<'_> {
@@ -92,6 +95,34 @@ impl Problem for EssentialProblem<'_> {
         )
     }
 
+    /// The distance of the two matrices as vectors of nine entries, each of length 1 and of either sign; at most the
+    /// square root of two.
+    fn distance(&self, one: &Matrix3<f64>, other: &Matrix3<f64>) -> f64 {
+        let squared = one.norm_squared() * other.norm_squared();
+        let cosine = one.dot(other).abs() / squared.sqrt();
+        (2.0 - 2.0 * cosine).max(0.0).sqrt()
+    }
+
+    /// Matches behind a camera are not trusted at all.
+    fn trust(
+        &self,
+        model: &Matrix3<f64>,
+        squared_threshold: f64,
+        squared_residuals: &[f64],
+    ) -> Option<Vec<f64>> {
+        let changes = self.changes?;
+        let near = inliers_within(squared_residuals, 4.0 * squared_threshold);
+        let seen = Seen::under(model, &self.pairs.chosen(&near))?;
+        let trust_in = changes.trust_in(&seen.pose, self.pairs, &near, &seen.depths[0]);
+        let mut trust = vec![0.0; self.pairs.len()];
+        for (at, (&index, trust_in)) in near.iter().zip(trust_in).enumerate() {
+            if !seen.is_behind(at) {
+                trust[index as usize] = trust_in;
+            }
+        }
+        Some(trust)
+    }
+
     /// Minimises the truncated squared distance over poses, using the matches near the model.
     fn refine(
         &self,
@@ -115,33 +146,51 @@ fn exclude_behind(
     squared_threshold: f64,
     squared_residuals: &mut [f64],
 ) -> bool {
-    let Some(poses) = decompose_essential(model) else {
+    let inliers = inliers_within(squared_residuals, squared_threshold);
+    let Some(seen) = Seen::under(model, &pairs.chosen(&inliers)) else {
         return false;
     };
-    let inliers = inliers_within(squared_residuals, squared_threshold);
-    let matches = pairs.chosen(&inliers);
-    // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
-    let depths = [0, 1].map(|rotation| {
-        let mut depths = (vec![0.0; matches.len()], vec![0.0; matches.len()]);
-        ray_depths(&poses[rotation], &matches, &mut depths.0, &mut depths.1);
-        depths
-    });
-    let behind = |pose: usize, index: usize| {
-        let sign = if pose < 2 { 1.0 } else { -1.0 };
-        let (a, b) = &depths[pose % 2];
-        let behind = |depth: f64| (-FAR..0.0).contains(&(sign * depth));
-        behind(a[index]) || behind(b[index])
-    };
-    let count = |pose: usize| (0..matches.len()).filter(|&i| behind(pose, i)).count();
-    let pose = (0..4).min_by_key(|&pose| count(pose)).unwrap_or(0);
     let mut any = false;
     for (at, &index) in inliers.iter().enumerate() {
-        if behind(pose, at) {
+        if seen.is_behind(at) {
             squared_residuals[index as usize] = f64::INFINITY;
             any = true;
         }
     }
     any
+}
+
+/// Matches under one of the four poses of an essential matrix.
+struct Seen {
+    pose: RelativePose,
+    /// Their depths in view `a` and in view `b`.
+    depths: [Vec<f64>; 2],
+}
+
+impl Seen {
+    /// The matches under the pose that has the fewest of them behind a camera. `None` if the matrix has no pose.
+    fn under(model: &Matrix3<f64>, matches: &PointPairs) -> Option<Self> {
+        let poses = decompose_essential(model)?;
+        // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
+        let depths = [0, 1].map(|rotation| {
+            let mut depths = [vec![0.0; matches.len()], vec![0.0; matches.len()]];
+            let [a, b] = &mut depths;
+            ray_depths(&poses[rotation], matches, a, b);
+            depths
+        });
+        let reversed = |depths: &[Vec<f64>; 2]| {
+            (depths.each_ref()).map(|depths| depths.iter().map(|depth| -depth).collect())
+        };
+        let reversed = depths.each_ref().map(reversed);
+        let seen = (poses.into_iter().zip(depths.into_iter().chain(reversed)))
+            .map(|(pose, depths)| Self { pose, depths });
+        seen.min_by_key(|seen| (0..matches.len()).filter(|&at| seen.is_behind(at)).count())
+    }
+
+    /// Whether match number `at` lies behind a camera, and not so far away that noise may have moved it there.
+    fn is_behind(&self, at: usize) -> bool {
+        (self.depths.iter()).any(|depths| (-FAR..0.0).contains(&depths[at]))
+    }
 }
 
 /// Depth, in baselines, beyond which noise can flip its sign.
@@ -176,6 +225,7 @@ mod tests {
                 pairs: &pairs,
                 cheirality,
                 plane_poses: false,
+                changes: None,
             };
             problem.squared_residuals(&e, 0..depths.len(), residuals);
             problem.exclude_impossible(&e, 1e-12, residuals)
@@ -187,5 +237,38 @@ mod tests {
             .filter(|&i| residuals[i].is_infinite())
             .collect();
         assert_eq!(infinite, [2, 4]);
+        // No more are they trusted, whatever is known of keypoints.
+        let changes = KeypointChanges::default();
+        let problem = EssentialProblem {
+            pairs: &pairs,
+            cheirality: true,
+            plane_poses: false,
+            changes: Some(&changes),
+        };
+        problem.squared_residuals(&e, 0..depths.len(), &mut residuals);
+        residuals[5] = 5e-12;
+        let trust = problem.trust(&e, 1e-12, &residuals);
+        assert_eq!(trust, Some(vec![1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn the_distance_of_matrices_knows_no_length_and_no_sign() {
+        let problem = EssentialProblem {
+            pairs: &PointPairs::default(),
+            cheirality: true,
+            plane_poses: false,
+            changes: None,
+        };
+        let [x, y] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.1]].map(|at: [f64; 3]| {
+            essential_from_pose(&RelativePose {
+                rotation: UnitQuaternion::identity(),
+                direction: UnitVector3::new_normalize(Vector3::from(at)),
+            })
+        });
+        assert!(problem.distance(&x, &(-3.0 * x)) < 1e-7);
+        let expected = (x / x.norm() - y / y.norm())
+            .norm()
+            .min((x / x.norm() + y / y.norm()).norm());
+        assert!((problem.distance(&x, &y) - expected).abs() < 1e-9);
     }
 }

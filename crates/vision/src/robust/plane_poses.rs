@@ -57,6 +57,7 @@ pub(super) fn plane_poses(
             min_samples: 10,
             local_steps: 3,
             sprt: false,
+            hypotheses: 1,
         },
         rng,
         &|_| false,

@@ -331,7 +331,7 @@ mod tests {
                 a: vec![Point2::new(f64::NAN, 1.0); count],
                 b: vec![Point2::new(1.0, f64::INFINITY); count],
                 ambiguity: vec![0.0; count],
-                turns: None,
+                ..MatchedPoints::default()
             };
             let views = TwoViews {
                 points: &points,

@@ -60,6 +60,7 @@ pub fn adaptive() -> SampleConsensusParams {
             cheirality: true,
             plane_poses: true,
             tangent_sampson: false,
+            hypotheses: 1,
         },
         score: Score::EvenMarginal {
             threshold_px: 2.0,
@@ -263,6 +264,7 @@ const ESSENTIAL: Geometry = Geometry::Essential {
     cheirality: false,
     plane_poses: false,
     tangent_sampson: false,
+    hypotheses: 1,
 };
 const FUNDAMENTAL: Geometry = Geometry::Fundamental { degensac: false };
 const PROSAC: Sampler = Sampler::Prosac { horizon: 200_000 };

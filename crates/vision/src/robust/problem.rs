@@ -83,6 +83,25 @@ pub trait Problem {
         Vec::new()
     }
 
+    /// How far two models are from each other, 0 if they are the same, for a search that keeps several hypotheses.
+    /// By default no two are near.
+    fn distance(&self, _one: &Self::Model, _other: &Self::Model) -> f64 {
+        f64::INFINITY
+    }
+
+    /// How far each datum is trusted, from 0 to 1, if this is the true model: what is known of a datum beside its
+    /// residual may be unlike what the model predicts. Data whose squared residual is above four times the threshold
+    /// need not be looked at, since no score counts them. `None` if nothing more is known. A search that keeps several
+    /// hypotheses chooses by it at the end.
+    fn trust(
+        &self,
+        _model: &Self::Model,
+        _squared_threshold: f64,
+        _squared_residuals: &[f64],
+    ) -> Option<Vec<f64>> {
+        None
+    }
+
     /// A model to replace this one if its `sample` does not determine it (most of its data lie on one plane).
     /// It is called for models that would be the best. `None` if the sample is not degenerate.
     fn resolve_degeneracy(

@@ -126,6 +126,7 @@ impl PoseEstimator for Ransac {
                 pairs: &pairs,
                 cheirality: false,
                 plane_poses: false,
+                changes: None,
             },
             &InlierCount {
                 squared_threshold: threshold * threshold,

@@ -22,6 +22,7 @@
 //! | | `geometry.cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
 //! | | `geometry.plane_poses` | no | ours |
 //! | | `geometry.tangent_sampson` | no | Terekhov, Larsson, ICCV 2023 |
+//! | | `geometry.hypotheses` | 1 | ours |
 //! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `early_stop.min_iterations` | 50 | ours; as many as Lebeda et al. draw before they optimise |
@@ -80,19 +81,28 @@ impl SampleConsensus {
         Ok(Self { params })
     }
 
-    /// The best model of all samples, before the final refinement. `focal` converts units at depth 1 to pixels.
+    /// The best model of all samples, before the final refinement. The matches are those of the `views`.
     fn search(
         &self,
         matches: &Shuffled,
-        focal: f64,
+        views: TwoViews<'_>,
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Option<Consensus<Matrix3<f64>>> {
         let pairs = &matches.pairs;
+        let focal_ratio = views.camera_b.mean_focal() / views.camera_a.mean_focal();
+        let mut search = self.params.search();
+        let changes = matches
+            .changes_at_depth_1(focal_ratio)
+            .filter(|_| search.hypotheses > 1);
+        if changes.is_none() {
+            // Nothing is known by which several could be compared.
+            search.hypotheses = 1;
+        }
         let task = Task {
-            search: self.params.search(),
+            search,
             matches,
-            pixels: focal,
+            pixels: views.mean_focal(),
             far: FAR_AT_DEPTH_1,
             seed,
             stop,
@@ -106,6 +116,7 @@ impl SampleConsensus {
                 pairs,
                 cheirality,
                 plane_poses,
+                changes: changes.as_ref(),
             }),
             Geometry::Fundamental { degensac } => {
                 task.solve(&FundamentalProblem { pairs, degensac })
@@ -180,7 +191,7 @@ impl PoseEstimator for SampleConsensus {
             });
         }
         let found = self
-            .search(&matches, views.mean_focal(), seed, stop)
+            .search(&matches, views, seed, stop)
             .ok_or(NoModel::NoSupport { found: 0, needed })?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, pairs);

@@ -13,9 +13,9 @@ use super::noise_scale::noise_scale;
 use super::parts::{EarlyStop, Sampler, Score};
 use super::turns::trust;
 use super::{
-    Consensus, ConsensusParams, EvenMarginal, EvenMsac, Extras, InlierCount, Magsac,
-    MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, SpreadSampler, Uniform,
-    consensus_until,
+    Consensus, ConsensusParams, EvenMarginal, EvenMsac, Extras, InlierCount, KeypointChanges,
+    Magsac, MedianOfSquares, Mlesac, Msac, Problem, Prosac, Sampling, Scoring, SpreadSampler,
+    Uniform, consensus_until,
 };
 use crate::geometry::{MatchedPoints, PointPairs};
 use crate::params::ParamError;
@@ -29,6 +29,7 @@ pub(super) struct Search {
     pub(super) early_stop: Option<EarlyStop>,
     pub(super) max_iterations: usize,
     pub(super) local_steps: usize,
+    pub(super) hypotheses: usize,
 }
 
 impl Search {
@@ -85,7 +86,18 @@ impl Search {
             )?;
         }
         let local = self.local_steps;
-        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")
+        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")?;
+        let most = if self.score.turns() == Some(true) {
+            1000
+        } else {
+            1
+        };
+        ParamError::unless(
+            (1..=most).contains(&self.hypotheses),
+            "hypotheses",
+            self.hypotheses,
+            "1 to 1000 with `turns`, by which they are compared, and 1 without",
+        )
     }
 }
 
@@ -94,6 +106,8 @@ impl Search {
 pub(super) struct Shuffled {
     pub(super) pairs: PointPairs,
     ambiguity: Vec<f32>,
+    /// How their keypoints turned and grew, if it is asked for; growths as in the images.
+    changes: Option<KeypointChanges>,
     /// The trust in each match, if it is asked for and known.
     trust: Option<Vec<f64>>,
     /// Their earlier indices.
@@ -111,19 +125,33 @@ impl Shuffled {
         let count = u32::try_from(given.len()).expect("matches are numbered by u32");
         let mut order: Vec<u32> = (0..count).collect();
         seed.rng().shuffle(&mut order);
-        let turns = (points.turns.as_deref()).filter(|_| score.turns() == Some(true));
-        let trust = turns.map(|turns| {
-            let trust = trust(turns);
-            order.iter().map(|&i| trust[i as usize]).collect()
-        });
+        let MatchedPoints {
+            ambiguity,
+            turns,
+            growths,
+            ..
+        } = points.chosen(&order);
+        let asked_for = |column: Option<Vec<f32>>| column.filter(|_| score.turns() == Some(true));
+        let (turns, growths) = (asked_for(turns), asked_for(growths));
         Self {
             pairs: given.chosen(&order),
-            ambiguity: (order.iter())
-                .map(|&i| points.ambiguity[i as usize])
-                .collect(),
-            trust,
+            ambiguity,
+            trust: turns.as_deref().map(trust),
+            changes: (turns.is_some() || growths.is_some())
+                .then_some(KeypointChanges { turns, growths }),
             order,
         }
+    }
+
+    /// How their keypoints turned and grew at depth 1, if it is asked for and known. `focal_ratio` is the focal length of
+    /// camera b over that of camera a.
+    pub(super) fn changes_at_depth_1(&self, focal_ratio: f64) -> Option<KeypointChanges> {
+        let mut changes = self.changes.clone()?;
+        let enlarged = libm::log(focal_ratio) as f32;
+        for growth in changes.growths.iter_mut().flatten() {
+            *growth -= enlarged;
+        }
+        Some(changes)
     }
 
     /// The ambiguity of each match, increased for matches that are trusted less. An ambiguity above 1 means that
@@ -309,6 +337,7 @@ impl Task<'_> {
             search: Search {
                 early_stop: None,
                 max_iterations: samples,
+                hypotheses: 1,
                 ..self.search
             },
             seed: self.seed.child("noise"),
@@ -379,6 +408,7 @@ impl Task<'_> {
                 min_samples: stop_early.min_iterations,
                 local_steps: self.search.local_steps,
                 sprt,
+                hypotheses: self.search.hypotheses,
             },
             &mut self.seed.rng(),
             self.stop,

@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | `geometry`, `max_depth` | a pose is estimated |
 //! | `cheirality`, `plane_poses`, `tangent_sampson` | `geometry` is `essential` |
+//! | `hypotheses` | `geometry` is `essential`, and `turns` is true |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
 //! | `score_cells`, `turns` | `score` is `even-msac` or `even-marginal` |
@@ -129,6 +130,9 @@ settings! {
     plane_poses: bool = false,
     /// Whether distances are measured in units of the image where a lens distorts (tangent Sampson distance).
     tangent_sampson: bool = false,
+    /// Number of models that differ which the search keeps, to choose among them at the end by how well each predicts how
+    /// far keypoints turned and grew; 1 to 1000, where 1 is the best alone.
+    hypotheses: usize = 1,
     /// Whether a matrix whose sample lies mostly on one plane is replaced by one that also explains matches off the
     /// plane (DEGENSAC).
     degensac: bool = true,
@@ -250,6 +254,7 @@ impl Settings {
             }),
             max_iterations: have(self.max_iterations),
             local_steps: have(self.local_steps),
+            hypotheses: 1,
         }
     }
 
@@ -266,8 +271,8 @@ impl Settings {
         let acting = acting.names();
         match self.names().iter().find(|name| !acting.contains(name)) {
             Some(name) => Err(ParamError(format!(
-                "`{name}` does nothing beside the chosen geometry, score, sampler, confidence and \
-                 final_steps; what acts is {}",
+                "`{name}` does nothing beside the chosen geometry, score, turns, sampler, confidence \
+                 and final_steps; what acts is {}",
                 acting.join(", ")
             ))),
             None => Ok(()),

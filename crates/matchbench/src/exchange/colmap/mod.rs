@@ -282,6 +282,7 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
         a: Vec::new(),
         b: Vec::new(),
         turns: None,
+        growths: None,
         rating: Rating::None,
         element: Element::new(Kind::Float, 4, false).expect("float32 exists"),
         keypoints: Some(counts),
@@ -292,33 +293,51 @@ fn joined(a: &Array, b: &Array, indices: &Array) -> Result<RawMatches, String> {
             .ok_or_else(|| format!("entry {place} is -1"))
     };
     let rows = bounded(indices.rows(2)?)?;
-    let mut turns = Vec::new();
+    let (mut turns, mut growths) = (Vec::new(), Vec::new());
     for row in 0..rows {
         let (i, j) = (index(2 * row, counts[0])?, index(2 * row + 1, counts[1])?);
         raw.a.push(a.point(i, columns_a));
         raw.b.push(b.point(j, columns_b));
-        turns.push(turn(
-            orientation(a, i, columns_a),
-            orientation(b, j, columns_b),
-        ));
+        let (frame_a, frame_b) = (frame(a, i, columns_a), frame(b, j, columns_b));
+        turns.push(turn(frame_a, frame_b));
+        growths.push(growth(frame_a, frame_b));
     }
     raw.turns = turns.into_iter().collect();
+    raw.growths = growths.into_iter().collect();
     Ok(raw)
 }
 
-/// The orientation of a keypoint in radians: the last of x, y, scale, orientation, or that of the affine shape
-/// (x, y, a11, a12, a21, a22), as COLMAP's `FeatureKeypoint::ComputeOrientation`. `None` with other columns.
-fn orientation(keypoints: &Array, row: usize, columns: usize) -> Option<f64> {
+/// Orientation of a keypoint, in radians, and scale, in pixels.
+#[derive(Clone, Copy)]
+struct Frame {
+    orientation: f64,
+    scale: f64,
+}
+
+/// The frame of a keypoint: the last two of x, y, scale, orientation, or that of the affine shape (x, y, a11, a12,
+/// a21, a22): its orientation is that of COLMAP's `FeatureKeypoint::ComputeOrientation`, its scale the root of how much
+/// it scales areas. `None` with other columns.
+fn frame(keypoints: &Array, row: usize, columns: usize) -> Option<Frame> {
     let at = |column: usize| keypoints.get(row * columns + column);
-    match columns {
-        4 => Some(at(3)),
-        6 => Some(libm::atan2(at(4), at(2))),
-        _ => None,
-    }
+    let (orientation, scale) = match columns {
+        4 => (at(3), at(2)),
+        6 => {
+            let determinant = at(2) * at(5) - at(3) * at(4);
+            (libm::atan2(at(4), at(2)), determinant.abs().sqrt())
+        }
+        _ => return None,
+    };
+    Some(Frame { orientation, scale })
 }
 
 /// From one orientation to the other, in radians from 0 to 2 pi; `None` where one is unknown or not finite.
-fn turn(a: Option<f64>, b: Option<f64>) -> Option<f32> {
-    let turn = (b? - a?).rem_euclid(TAU);
+fn turn(a: Option<Frame>, b: Option<Frame>) -> Option<f32> {
+    let turn = (b?.orientation - a?.orientation).rem_euclid(TAU);
     turn.is_finite().then_some(turn as f32)
+}
+
+/// The logarithm of the ratio of the scales; `None` where one is unknown, or it is not finite.
+fn growth(a: Option<Frame>, b: Option<Frame>) -> Option<f32> {
+    let growth = libm::log(b?.scale / a?.scale) as f32;
+    growth.is_finite().then_some(growth)
 }

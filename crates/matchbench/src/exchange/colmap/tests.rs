@@ -88,14 +88,14 @@ fn a_homography_is_written_in_the_pixels_of_colmap_from_the_smaller_number_of_an
 }
 
 #[test]
-fn a_database_tells_how_far_keypoints_turned() {
-    // Both forms of COLMAP's keypoints: scale and orientation, and an affine shape of that orientation.
-    let four = |angle: f32| vec![2.0, angle];
+fn a_database_tells_how_far_keypoints_turned_and_grew() {
+    // Both forms of COLMAP's keypoints: scale and orientation, and an affine shape of these.
+    let four = |angle: f32| vec![2.0 * angle, angle];
     let six = |angle: f32| {
         let (s, c) = angle.sin_cos();
-        vec![2.0 * c, -2.0 * s, 2.0 * s, 2.0 * c]
+        [c, -s, s, c].map(|value| 2.0 * angle * value).to_vec()
     };
-    let turns = |frames: [u32; 2], more: &dyn Fn(f32) -> Vec<f32>| {
+    let changes = |frames: [u32; 2], more: &dyn Fn(f32) -> Vec<f32>| {
         let (folder, sequence) = dataset();
         let (database, connection) = database(&folder);
         let images: Vec<(i64, Vec<u8>, i64)> = (connection
@@ -106,7 +106,7 @@ fn a_database_tells_how_far_keypoints_turned() {
         .map(Result::unwrap)
         .collect();
         for (id, data, columns) in images {
-            // Image 1 has the orientation 0.5, image 2 that of 1, and so on.
+            // Image 1 has the orientation 0.5 and the scale 1, image 2 has 1 and 2, and so on.
             let more: Vec<u8> = (more(0.5 * id as f32).iter())
                 .flat_map(|value| value.to_le_bytes())
                 .collect();
@@ -125,23 +125,32 @@ fn a_database_tells_how_far_keypoints_turned() {
         drop(connection);
         let files = MatchFiles::open(&[database], &sequence, &ReadOptions::default()).unwrap();
         let found = files.matches(frames[0], frames[1]).unwrap().unwrap();
-        (found.points.turns, ids[1] - ids[0])
+        let points = found.points;
+        let expected = (ids[1] - ids[0], (ids[1] / ids[0]).ln());
+        (points.turns, points.growths, expected)
     };
     for frames in [[0, 1], [0, 2], [1, 2]] {
         for more in [&four as &dyn Fn(f32) -> Vec<f32>, &six] {
-            let (found, expected) = turns(frames, more);
-            let found = found.expect("orientations are there");
-            assert!(found.len() >= 2);
-            for turn in found {
-                let off = (turn - expected).rem_euclid(std::f32::consts::TAU);
+            let (turns, growths, expected) = changes(frames, more);
+            let turns = turns.expect("orientations are there");
+            assert!(turns.len() >= 2);
+            for turn in turns {
+                let off = (turn - expected.0).rem_euclid(std::f32::consts::TAU);
                 assert!(
                     off.min(std::f32::consts::TAU - off) < 1e-5,
-                    "{frames:?}: {turn} {expected}"
+                    "{frames:?}: {turn} {expected:?}"
                 );
             }
+            for growth in growths.expect("scales are there") {
+                assert!((growth - expected.1).abs() < 1e-5, "{growth} {expected:?}");
+            }
         }
-        assert_eq!(turns(frames, &|_| vec![2.0, f32::NAN]).0, None);
-        assert_eq!(turns(frames, &|_| Vec::new()).0, None);
+        let (turns, growths, _) = changes(frames, &|_| vec![2.0, f32::NAN]);
+        assert!(turns.is_none() && growths.is_some());
+        let (turns, growths, _) = changes(frames, &|angle| vec![0.0, angle]);
+        assert!(turns.is_some() && growths.is_none());
+        let (turns, growths, _) = changes(frames, &|_| Vec::new());
+        assert!(turns.is_none() && growths.is_none());
     }
 }
 

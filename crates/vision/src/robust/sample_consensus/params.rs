@@ -26,6 +26,11 @@ pub enum Geometry {
         /// both are the same. Default: no, since with it wrong matches near the edge agree more often with a
         /// model.
         tangent_sampson: bool,
+        /// Number of models that differ which the search keeps, to choose among them at the end by how well each
+        /// predicts how far keypoints turned and grew; 1 to 1000, where 1 is the best alone. More than one needs a
+        /// score that uses turns, and does nothing if neither [turns](crate::geometry::MatchedPoints::turns) nor
+        /// [growths](crate::geometry::MatchedPoints::growths) are known. Default: 1.
+        hypotheses: usize,
     },
     /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
     Fundamental {
@@ -75,6 +80,7 @@ impl Default for SampleConsensusParams {
                 cheirality: true,
                 plane_poses: false,
                 tangent_sampson: false,
+                hypotheses: 1,
             },
             score: Score::Msac {
                 threshold_px: 1.0,
@@ -99,12 +105,17 @@ impl Default for SampleConsensusParams {
 impl SampleConsensusParams {
     /// The parts of the search itself.
     pub(in crate::robust) fn search(&self) -> Search {
+        let hypotheses = match self.geometry {
+            Geometry::Essential { hypotheses, .. } => hypotheses,
+            Geometry::Fundamental { .. } => 1,
+        };
         Search {
             score: self.score,
             sampler: self.sampler,
             early_stop: self.early_stop,
             max_iterations: self.max_iterations,
             local_steps: self.local_steps,
+            hypotheses,
         }
     }
 

@@ -19,11 +19,14 @@ impl SampleConsensusParams {
                 cheirality,
                 plane_poses,
                 tangent_sampson,
+                hypotheses,
             } => {
                 flat.geometry = Some(GeometryName::Essential);
                 flat.cheirality = Some(cheirality);
                 flat.plane_poses = Some(plane_poses);
                 flat.tangent_sampson = Some(tangent_sampson);
+                let compares = self.score.turns() == Some(true);
+                flat.hypotheses = compares.then_some(hypotheses);
             }
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
@@ -80,6 +83,10 @@ impl Settings {
                     cheirality: have(all.cheirality),
                     plane_poses: have(all.plane_poses),
                     tangent_sampson: have(all.tangent_sampson),
+                    hypotheses: match search.score.turns() {
+                        Some(true) => have(all.hypotheses),
+                        _ => 1,
+                    },
                 },
                 GeometryName::Fundamental => Geometry::Fundamental {
                     degensac: have(all.degensac),
@@ -125,6 +132,32 @@ mod tests {
         );
         let of_nothing = Settings::DEFAULTS.over(&presets::lmeds_f());
         assert_eq!(of_nothing, default);
+    }
+
+    #[test]
+    fn several_hypotheses_are_there_only_with_turns() {
+        let several = Settings {
+            hypotheses: Some(8),
+            ..Settings::default()
+        };
+        let changed = presets::adaptive().with(several).expect("it uses turns");
+        assert_eq!(changed.settings().hypotheses, Some(8));
+        assert!(presets::best().with(several).is_err());
+        let turns = |turns| Settings {
+            turns: Some(turns),
+            ..Settings::default()
+        };
+        let points_alone = changed.with(turns(false)).expect("it has that choice");
+        assert_eq!(points_alone.settings().hypotheses, None);
+        assert!(SampleConsensus::new(points_alone).is_ok());
+        let again = points_alone.with(turns(true)).expect("it has that choice");
+        assert_eq!(again.settings().hypotheses, Some(1));
+        let none = Settings {
+            hypotheses: Some(0),
+            ..Settings::default()
+        };
+        let none = presets::adaptive().with(none).expect("it acts");
+        assert!(SampleConsensus::new(none).is_err());
     }
 
     #[test]

@@ -482,6 +482,7 @@ fn errors_of_planes(pairs: u64, right: f64, on_the_plane: f64, plane_poses: bool
             cheirality: true,
             plane_poses,
             tangent_sampson: false,
+            hypotheses: 1,
         },
         ..presets::best()
     };
@@ -561,6 +562,7 @@ fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 
                 cheirality: true,
                 plane_poses: false,
                 tangent_sampson,
+                hypotheses: 1,
             },
             score: Score::EvenMsac {
                 threshold_px,
