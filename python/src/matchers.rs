@@ -194,6 +194,17 @@ impl Matches {
     pub(crate) fn points(&self) -> &MatchedPoints {
         &self.points
     }
+
+    /// One number per match, where it is known.
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        values: Option<&Vec<f32>>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        values
+            .map(|values| matrix(py, values.clone(), [self.points.len()]))
+            .transpose()
+    }
 }
 
 #[pymethods]
@@ -273,20 +284,14 @@ impl Matches {
     /// keypoints have no orientation.
     #[getter]
     fn turns<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let turns = self.points.turns.clone();
-        turns
-            .map(|turns| matrix(py, turns, [self.points.len()]))
-            .transpose()
+        self.column(py, self.points.turns.as_ref())
     }
 
     /// m: the natural logarithm of how many times as large the keypoint of b is as that of a, in pixels of each image;
     /// None if sizes are not known.
     #[getter]
     fn growths<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let growths = self.points.growths.clone();
-        growths
-            .map(|growths| matrix(py, growths, [self.points.len()]))
-            .transpose()
+        self.column(py, self.points.growths.as_ref())
     }
 
     /// m x 2: features of a and of b.
