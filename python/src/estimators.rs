@@ -222,27 +222,23 @@ pub(crate) fn matched(
         );
         return Err(value_error(message));
     }
-    let finite = |values: Option<Bound<'_, PyAny>>, name: &str, what: &str| {
+    let finite = |values: Option<Bound<'_, PyAny>>, name: &str, [what, of]: [&str; 2]| {
         let Some(values) = values else {
             return Ok(None);
         };
         let values = column(&values, name, count)?;
         match values.iter().position(|value| !value.is_finite()) {
             Some(row) => Err(value_error(format!(
-                "`{name}` are {what}; row {row} is not finite"
+                "`{name}` are {what}; row {row} is not finite. Where keypoints have no {of}, leave them out"
             ))),
             None => Ok(Some(values)),
         }
     };
-    let turns = finite(
-        turns,
-        "turns",
-        "radians; where keypoints have no orientation, leave them out",
-    )?;
+    let turns = finite(turns, "turns", ["radians", "orientation"])?;
     let growths = finite(
         growths,
         "growths",
-        "logarithms of ratios of sizes; where keypoints have no size, leave them out",
+        ["logarithms of ratios of sizes", "size"],
     )?;
     Ok((MatchedPoints::new(a, b, ambiguity).with_turns(turns)).with_growths(growths))
 }

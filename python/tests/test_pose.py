@@ -229,7 +229,7 @@ def test_too_few_matches_are_no_pose():
     for ambiguity in (-1, np.nan):
         with pytest.raises(ValueError, match="from 0.*row 3"):
             mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, ambiguity])
-    with pytest.raises(ValueError, match="`turns`.*leave them out; row 1"):
+    with pytest.raises(ValueError, match="`turns`.*row 1.*leave them out"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, np.nan, 0, 0])
     with pytest.raises(TypeError, match="turns.*4 numbers"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, 1])
@@ -294,7 +294,7 @@ def test_growths_are_used_by_several_hypotheses_and_refused_elsewhere(matches, d
     ]:
         with pytest.raises(ValueError, match=f"`growths` would do nothing: this `{id}` {remedy}"):
             pose(mb.estimator(id, **params), growths=matches.growths)
-    with pytest.raises(ValueError, match="`growths`.*leave them out; row 2 is not finite"):
+    with pytest.raises(ValueError, match="`growths`.*row 2 is not finite.*leave them out"):
         pose(patient, growths=[0, 0, np.inf, *[0] * (len(matches) - 3)])
     with pytest.raises(ValueError, match="`hypotheses` does nothing"):
         mb.estimator("best", hypotheses=8)

@@ -5,10 +5,9 @@
 //! ```
 //!
 //! `MATCHES` holds one block per pair of images: a line `pair NAME`, a line with `fx fy cx cy` of both cameras
-//! (eight numbers), and a line `ax ay bx by [ambiguity [turn [growth]]]` per match, in pixels and radians; the growth is
-//! a logarithm. `SEEDS`
-//! (default 1) is the number of seeds; they start at `FIRST_SEED` (default 0). For each pair and seed one line
-//! is printed:
+//! (eight numbers), and a line `ax ay bx by [ambiguity [turn [growth]]]` per match, in pixels and radians; the
+//! growth is a logarithm. `SEEDS` (default 1) is the number of seeds; they start at `FIRST_SEED` (default 0). For
+//! each pair and seed one line is printed:
 //!
 //! ```text
 //! NAME seed inliers support iterations microseconds r11 r12 ... r33 t1 t2 t3

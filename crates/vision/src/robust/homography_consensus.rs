@@ -142,6 +142,7 @@ impl HomographyEstimator for HomographyConsensus {
             matches: &matches,
             pixels: 1.0,
             far: NOTHING_IS_FAR,
+            hypotheses: 1,
             seed,
             stop,
         };

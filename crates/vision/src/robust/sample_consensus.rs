@@ -91,19 +91,17 @@ impl SampleConsensus {
     ) -> Option<Consensus<Matrix3<f64>>> {
         let pairs = &matches.pairs;
         let focal_ratio = views.camera_b.mean_focal() / views.camera_a.mean_focal();
-        let mut search = self.params.search();
-        let changes = matches
-            .changes_at_depth_1(focal_ratio)
-            .filter(|_| search.hypotheses > 1);
-        if changes.is_none() {
-            // Nothing is known by which several could be compared.
-            search.hypotheses = 1;
-        }
+        let hypotheses = self.params.hypotheses();
+        let changes = (hypotheses > 1)
+            .then(|| matches.changes_at_depth_1(focal_ratio))
+            .flatten();
         let task = Task {
-            search,
+            search: self.params.search(),
             matches,
             pixels: views.mean_focal(),
             far: FAR_AT_DEPTH_1,
+            // Several can be compared only where something is known of keypoints.
+            hypotheses: changes.as_ref().map_or(1, |_| hypotheses),
             seed,
             stop,
         };

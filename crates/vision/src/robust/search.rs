@@ -29,7 +29,6 @@ pub(super) struct Search {
     pub(super) early_stop: Option<EarlyStop>,
     pub(super) max_iterations: usize,
     pub(super) local_steps: usize,
-    pub(super) hypotheses: usize,
 }
 
 impl Search {
@@ -86,18 +85,7 @@ impl Search {
             )?;
         }
         let local = self.local_steps;
-        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")?;
-        let most = if self.score.turns() == Some(true) {
-            1000
-        } else {
-            1
-        };
-        ParamError::unless(
-            (1..=most).contains(&self.hypotheses),
-            "hypotheses",
-            self.hypotheses,
-            "1 to 1000 with `turns`, by which they are compared, and 1 without",
-        )
+        ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")
     }
 }
 
@@ -191,6 +179,8 @@ pub(super) struct Task<'a> {
     pub(super) pixels: f64,
     /// Coordinates beyond this are far beside the image; see [`grid`](super::grid).
     pub(super) far: f64,
+    /// Number of models that are kept to choose among them; see [`Extras`].
+    pub(super) hypotheses: usize,
     pub(super) seed: Seed,
     pub(super) stop: &'a dyn Fn(usize) -> bool,
 }
@@ -337,9 +327,9 @@ impl Task<'_> {
             search: Search {
                 early_stop: None,
                 max_iterations: samples,
-                hypotheses: 1,
                 ..self.search
             },
+            hypotheses: 1,
             seed: self.seed.child("noise"),
             ..*self
         }
@@ -408,7 +398,7 @@ impl Task<'_> {
                 min_samples: stop_early.min_iterations,
                 local_steps: self.search.local_steps,
                 sprt,
-                hypotheses: self.search.hypotheses,
+                hypotheses: self.hypotheses,
             },
             &mut self.seed.rng(),
             self.stop,

@@ -254,7 +254,6 @@ impl Settings {
             }),
             max_iterations: have(self.max_iterations),
             local_steps: have(self.local_steps),
-            hypotheses: 1,
         }
     }
 

@@ -66,7 +66,6 @@ impl HomographyParams {
             early_stop: self.early_stop,
             max_iterations: self.max_iterations,
             local_steps: self.local_steps,
-            hypotheses: 1,
         }
     }
 

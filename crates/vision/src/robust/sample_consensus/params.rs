@@ -105,17 +105,20 @@ impl Default for SampleConsensusParams {
 impl SampleConsensusParams {
     /// The parts of the search itself.
     pub(in crate::robust) fn search(&self) -> Search {
-        let hypotheses = match self.geometry {
-            Geometry::Essential { hypotheses, .. } => hypotheses,
-            Geometry::Fundamental { .. } => 1,
-        };
         Search {
             score: self.score,
             sampler: self.sampler,
             early_stop: self.early_stop,
             max_iterations: self.max_iterations,
             local_steps: self.local_steps,
-            hypotheses,
+        }
+    }
+
+    /// Number of models that the search keeps.
+    pub(super) fn hypotheses(&self) -> usize {
+        match self.geometry {
+            Geometry::Essential { hypotheses, .. } => hypotheses,
+            Geometry::Fundamental { .. } => 1,
         }
     }
 
@@ -124,6 +127,16 @@ impl SampleConsensusParams {
     pub(super) fn check(&self) -> Result<(), ParamError> {
         self.search().check()?;
         FinalRefinement::check(self.final_refinement)?;
+        let most = match self.score.turns() {
+            Some(true) => 1000,
+            _ => 1,
+        };
+        ParamError::unless(
+            (1..=most).contains(&self.hypotheses()),
+            "hypotheses",
+            self.hypotheses(),
+            "1 to 1000 with `turns`, by which they are compared, and 1 without",
+        )?;
         ParamError::unless(
             self.max_depth > 0.0,
             "max_depth",
