@@ -34,7 +34,7 @@ plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "matchbench"})
 CURVES = {
     "best": [100, 200, 500, 1000, 2000, 5000, 20000],
     "adaptive": [100, 200, 500, 1000, 2000, 5000, 20000],
-    "adaptive, hypotheses": [100, 200, 500, 1000, 2000, 5000, 20000],
+    "adaptive, one hypothesis": [100, 200, 500, 1000, 2000, 5000, 20000],
     "best, turns": [100, 200, 500, 1000, 2000, 5000, 20000],
     "adaptive, points alone": [100, 200, 500, 1000, 2000, 5000, 20000],
     "ransac-e": [200, 1000, 5000, 20000],
@@ -47,12 +47,12 @@ CURVES = {
 }
 
 # Colours and lines: one colour for each program, and for `best` and `adaptive`, which are dashed if they see points alone;
-# dotted with several hypotheses.
+# dotted with one hypothesis.
 STYLES = {
     "best": ("C0", "--"),
     "best, turns": ("C0", "-"),
     "adaptive": ("C1", "-"),
-    "adaptive, hypotheses": ("C1", ":"),
+    "adaptive, one hypothesis": ("C1", ":"),
     "adaptive, points alone": ("C1", "--"),
     "ransac-e": ("C7", "-"),
     "PoseLib": ("C3", "--"),
@@ -63,13 +63,13 @@ STYLES = {
     "SupeRANSAC": ("C5", "-"),
 }
 
-# The settings of our estimators. `turns` says whether the rotation of keypoints is used, and with several hypotheses their
-# growth is too; the other libraries cannot use them.
+# The settings of our estimators. `turns` says whether the rotation of keypoints is used, and with several hypotheses, as
+# `adaptive` has them, their growth is too; the other libraries cannot use them.
 OURS = {
     "best": lambda budget: estimators.preset("best", budget),
     "best, turns": lambda budget: estimators.preset("best", budget) + " turns=true",
     "adaptive": lambda budget: estimators.preset("adaptive", budget),
-    "adaptive, hypotheses": lambda budget: estimators.preset("adaptive", budget) + " hypotheses=8",
+    "adaptive, one hypothesis": lambda budget: estimators.preset("adaptive", budget) + " hypotheses=1",
     "adaptive, points alone": lambda budget: estimators.preset("adaptive", budget) + " turns=false",
     "ransac-e": lambda budget: f"iterations={budget}",
 }

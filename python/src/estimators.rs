@@ -100,8 +100,8 @@ impl Estimator {
     /// `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
     /// An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
     /// `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
-    /// estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1); every other one
-    /// refuses them.
+    /// estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1), as "adaptive" has it
+    /// by default; every other one refuses them.
     /// With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
     ///
     /// Raises `NoModel` if the matches determine no pose.

@@ -20,7 +20,7 @@
 //! `spread`, `horizon=5000` (PROSAC), `score` `msac` or `even-msac`, `score_cells=10`, `threshold=1.5`,
 //! `sprt=false`, `iterations=10000`, `min=50`, `confidence=0.999`, `local=10`, `final=25`, `loss` `truncated`
 //! or `cauchy`, `geometry=fundamental`, `degensac=false`, `cheirality=false`, `plane_poses=true`,
-//! `turns=false`, `hypotheses=8`.
+//! `turns=false`, `hypotheses=8`, `hopeless=0.1`.
 
 use std::time::Instant;
 use std::{env, error, fs};
@@ -109,6 +109,7 @@ fn estimator(settings: &[String]) -> Result<Box<dyn PoseEstimator>, Error> {
             ("plane_poses", value) => changes.plane_poses = Some(value.parse()?),
             ("turns", value) => changes.turns = Some(value.parse()?),
             ("hypotheses", value) => changes.hypotheses = Some(value.parse()?),
+            ("hopeless", value) => changes.hopeless = Some(value.parse()?),
             ("score_cells", value) => changes.score_cells = Some(value.parse()?),
             ("loss", "truncated") => changes.final_loss = Some(Loss::Truncated),
             ("loss", "cauchy") => changes.final_loss = Some(Loss::Cauchy),

@@ -238,6 +238,8 @@ impl<R: PartialEq> Subject<'_, R> {
 fn more_values(id: &str, pointer: &str) -> Vec<Value> {
     match (id, pointer) {
         (_, "/confidence") => vec![json!(0.999_999), json!(0.01)],
+        // Every pose is hopeless.
+        (_, "/hopeless") => vec![json!(1.0)],
         // Just above the least number of samples.
         (_, "/max_iterations") => vec![json!(1001), json!(201)],
         // Its default is beyond all scenes.

@@ -7,17 +7,11 @@ for scene in office-wide object-wide cabinet-wide facade; do
 done
 ids=sift,rootsift,dsp-sift,surf,orb,brisk,kaze,akaze,freak-sift,gms,adalam
 for n in 1 8; do
-    matchbench run tum --matchers $ids --estimator adaptive --set adaptive.hypotheses=$n --repeat 5 --out runs/tum-$n
-    matchbench run castle --matchers $ids --estimator adaptive --set adaptive.hypotheses=$n --repeat 5 --out runs/castle-$n
+    matchbench run tum --matchers $ids --estimator adaptive --set adaptive.hypotheses=$n --set adaptive.hopeless=0 --repeat 5 --out runs/tum-$n
+    matchbench run castle --matchers $ids --estimator adaptive --set adaptive.hypotheses=$n --set adaptive.hopeless=0 --repeat 5 --out runs/castle-$n
     matchbench run kitchen231 office-wide object-wide cabinet-wide facade --matchers sift,rootsift,surf,orb,akaze --estimator adaptive \
-        --set adaptive.hypotheses=$n --repeat 5 --out runs/tuning-$n
+        --set adaptive.hypotheses=$n --set adaptive.hopeless=0 --repeat 5 --out runs/tuning-$n
 done
 matchbench compare runs/tum-1 runs/tum-8
 matchbench compare runs/castle-1 runs/castle-8
 matchbench compare runs/tuning-1 runs/tuning-8
-# Of the whole repository, with the environment of compare/README.md:
-cargo build --release --workspace
-matchbench run castle tum --matchers sift --estimator ransac-e --out runs/matches
-curves="adaptive;adaptive, hypotheses"
-python compare/over_time.py runs/matches castle sift --truth castle --out over-time --every 6 --only "$curves"
-python compare/over_time.py runs/matches tum sift --truth tum --out over-time --only "$curves"

@@ -133,6 +133,8 @@ impl PresetParams for SampleConsensusParams {
         let written = Settings {
             turns: written.turns.or(Some(false)),
             plane_poses: written.plane_poses.or(Some(false)),
+            hypotheses: written.hypotheses.or(Some(1)),
+            hopeless: written.hopeless.or(Some(0.0)),
             ..written
         };
         written.of_earlier_version(self)

@@ -26,7 +26,8 @@
 //! [hypotheses](super::hypotheses) if they are asked for. If the sample of a new best model is degenerate, another
 //! model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are excluded by a costlier
 //! check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned early (Matas, Chum,
-//! "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a good one.
+//! "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a good one. With
+//! [`Extras::hopeless_after`], a search ends early if its best model so far is [hopeless](Problem::is_hopeless).
 //!
 //! In any case a model is abandoned as soon as an upper bound of its quality
 //! ([`Scoring::upper_bound`]) is not above the quality of the best one. Up to the rounding of sums, this changes no
@@ -97,6 +98,9 @@ pub struct Extras {
     /// Number of models that differ which are kept beside the best, until one of all is chosen at the end by how far it
     /// lets the data be [trusted](Problem::trust); with 1 none is.
     pub hypotheses: usize,
+    /// Number of samples after which the search is given up if its best model is [hopeless](Problem::is_hopeless), or
+    /// if there is none; `None` for never.
+    pub hopeless_after: Option<usize>,
 }
 
 impl Extras {
@@ -106,6 +110,7 @@ impl Extras {
         local_steps: 0,
         sprt: false,
         hypotheses: 1,
+        hopeless_after: None,
     };
 }
 
@@ -133,6 +138,9 @@ pub fn consensus_until<P: Problem>(
     let mut needed = params.max_samples;
     let mut samples = 0;
     while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
+        if extras.hopeless_after == Some(samples) && is_hopeless(problem, best.as_ref()) {
+            break;
+        }
         // Samples that are drawn together do not depend on results in between, so the last ones may not be
         // needed.
         let next = samples % P::BATCH;
@@ -201,6 +209,11 @@ pub fn consensus_until<P: Problem>(
         best = others.choose(problem, score, best, extras.local_steps);
     }
     Some(with_inliers(problem, best.0, best.1, samples))
+}
+
+/// Whether the search whose best model this is so far is better given up.
+fn is_hopeless<P: Problem>(problem: &P, best: Option<&(P::Model, Support)>) -> bool {
+    best.is_none_or(|(model, support)| problem.is_hopeless(model, support.squared_threshold))
 }
 
 /// The `other` model if there is one and its quality is higher, else the one that was `found`.
@@ -367,7 +380,7 @@ mod tests {
         assert!(found.samples < 200, "{}", found.samples);
     }
 
-    /// A line, where data to the left of zero are impossible.
+    /// A line, where data to the left of zero are impossible, and slopes above 1 are hopeless.
     struct Right(Line);
 
     impl Problem for Right {
@@ -402,6 +415,41 @@ mod tests {
             }
             any
         }
+
+        fn is_hopeless(&self, model: &[f64; 2], _: f64) -> bool {
+            model[0] > 1.0
+        }
+    }
+
+    #[test]
+    fn a_search_ends_early_if_what_it_found_is_hopeless_or_nothing() {
+        let samples = |points: Vec<[f64; 2]>| {
+            let problem = Right(Line(points));
+            let score = Msac {
+                squared_threshold: 1e-6,
+            };
+            let extras = Extras {
+                min_samples: 400,
+                hopeless_after: Some(100),
+                ..Extras::NONE
+            };
+            let drawn = std::cell::Cell::new(0);
+            let stop = |samples| {
+                drawn.set(samples);
+                false
+            };
+            let (sampler, rng) = (&mut Uniform::new(problem.len()), &mut Seed(1).rng());
+            let found = consensus_until(&problem, &score, sampler, PARAMS, extras, rng, &stop);
+            (found.map(|found| found.samples), drawn.get())
+        };
+        let line = |slope: f64| {
+            (0..50)
+                .map(|i| [f64::from(i), slope * f64::from(i)])
+                .collect()
+        };
+        assert_eq!(samples(line(0.5)), (Some(400), 399));
+        assert_eq!(samples(line(2.0)), (Some(100), 100));
+        assert_eq!(samples(vec![[1.0, 2.0]; 9]), (None, 100));
     }
 
     #[test]

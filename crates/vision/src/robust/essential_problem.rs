@@ -13,6 +13,7 @@ use nalgebra::Matrix3;
 
 use super::consensus::{NEAR, inliers_within, near};
 use super::plane_poses::plane_poses;
+use super::pose_probabilities::pose_probabilities;
 use super::{KeypointChanges, Problem};
 use crate::geometry::solvers::{FivePoints, SAMPLES_AT_ONCE, Solutions, five_point_of_each};
 use crate::geometry::{
@@ -37,6 +38,17 @@ pub struct EssentialProblem<'a> {
     /// How the keypoints of each match turned and grew, by which a match is [trusted](Problem::trust) more or less;
     /// `None` if it is not known, or not to be used.
     pub changes: Option<&'a KeypointChanges>,
+    /// Which poses are [hopeless](Problem::is_hopeless); `None` if none is.
+    pub hopeless: Option<Hopeless>,
+}
+
+/// Poses that are hardly right, by their [probability](super::PoseProbabilities).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hopeless {
+    /// A pose is hopeless if the probability that it is right is below this.
+    pub below: f64,
+    /// Pixels per unit at depth 1.
+    pub pixels: f64,
 }
 
 impl Problem for EssentialProblem<'_> {
@@ -121,6 +133,15 @@ impl Problem for EssentialProblem<'_> {
             }
         }
         Some(trust)
+    }
+
+    fn is_hopeless(&self, model: &Matrix3<f64>, squared_threshold: f64) -> bool {
+        let Some(Hopeless { below, pixels }) = self.hopeless else {
+            return false;
+        };
+        let near = near(self, self.pairs, model, squared_threshold);
+        Seen::under(model, &near)
+            .is_none_or(|seen| pose_probabilities(self.pairs, pixels, &seen.pose).right < below)
     }
 
     /// Minimises the truncated squared distance over poses, using the matches near the model.
@@ -226,6 +247,7 @@ mod tests {
                 cheirality,
                 plane_poses: false,
                 changes: None,
+                hopeless: None,
             };
             problem.squared_residuals(&e, 0..depths.len(), residuals);
             problem.exclude_impossible(&e, 1e-12, residuals)
@@ -244,6 +266,7 @@ mod tests {
             cheirality: true,
             plane_poses: false,
             changes: Some(&changes),
+            hopeless: None,
         };
         problem.squared_residuals(&e, 0..depths.len(), &mut residuals);
         residuals[5] = 5e-12;
@@ -258,6 +281,7 @@ mod tests {
             cheirality: true,
             plane_poses: false,
             changes: None,
+            hopeless: None,
         };
         let [x, y] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.1]].map(|at: [f64; 3]| {
             essential_from_pose(&RelativePose {

@@ -158,6 +158,7 @@ mod tests {
                     plane_poses: true,
                     tangent_sampson: false,
                     hypotheses,
+                    hopeless: 0.0,
                 },
                 ..adaptive
             };

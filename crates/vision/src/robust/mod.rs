@@ -59,7 +59,7 @@ mod support;
 mod turns;
 
 pub use consensus::{Consensus, ConsensusParams, Extras, consensus, consensus_until};
-pub use essential_problem::EssentialProblem;
+pub use essential_problem::{EssentialProblem, Hopeless};
 pub use estimator::{
     HomographyEstimate, HomographyEstimator, NoModel, PoseEstimate, PoseEstimator, TwoViews,
 };

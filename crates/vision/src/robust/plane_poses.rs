@@ -58,6 +58,7 @@ pub(super) fn plane_poses(
             local_steps: 3,
             sprt: false,
             hypotheses: 1,
+            hopeless_after: None,
         },
         rng,
         &|_| false,

@@ -85,41 +85,49 @@ impl TwoViews<'_> {
     /// # Panics
     /// If the lists of the matches have different lengths.
     pub fn pose_probabilities(&self, b_from_a: &RelativePose) -> PoseProbabilities {
-        let (pairs, focal) = (self.at_depth_1(), self.mean_focal());
-        let mut squared = vec![0.0; pairs.len()];
-        let essential = essential_from_pose(b_from_a);
-        squared_sampson_distances(&essential, &pairs, 0..pairs.len(), &mut squared);
-        let squared_threshold = (NEAR_PX / focal) * (NEAR_PX / focal);
-        let indices = inliers_within(&squared, squared_threshold);
-        let near = pairs.chosen(&indices);
-        let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
-        let freedom = near.len().saturating_sub(SAMPLE).max(1);
-        let noise = (sum / freedom as f64).sqrt().max(NOISE_PX / focal);
+        pose_probabilities(&self.at_depth_1(), self.mean_focal(), b_from_a)
+    }
+}
 
-        let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
-        let cells = views.map(|(x, y)| occupied_cells(x, y, &indices));
-        let chance = views.map(|(x, y)| chance_near(x, y, NEAR_PX / focal));
-        let significance = significance(near.len(), pairs.len(), chance[0].max(chance[1]));
-        let overlap = probability(
-            OVERLAP,
-            [
-                significance.max(0.0) + 1.0,
-                cells[0].min(cells[1]) as f64 + 1.0,
-            ],
-        );
-        let overlap = if significance > 0.0 {
-            overlap
-        } else {
-            overlap.min(BY_CHANCE)
-        };
-        let usual = of_usual_parallax(b_from_a, &near);
-        let deviation = pose_deviation(b_from_a, &usual, noise).to_degrees();
-        let noise_px = noise * focal;
-        let precise = probability(PRECISE, [deviation.max(1e-2), noise_px * noise_px]);
-        PoseProbabilities {
-            overlap,
-            right: overlap * precise,
-        }
+/// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit.
+pub(super) fn pose_probabilities(
+    pairs: &PointPairs,
+    focal: f64,
+    b_from_a: &RelativePose,
+) -> PoseProbabilities {
+    let mut squared = vec![0.0; pairs.len()];
+    let essential = essential_from_pose(b_from_a);
+    squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
+    let squared_threshold = (NEAR_PX / focal) * (NEAR_PX / focal);
+    let indices = inliers_within(&squared, squared_threshold);
+    let near = pairs.chosen(&indices);
+    let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
+    let freedom = near.len().saturating_sub(SAMPLE).max(1);
+    let noise = (sum / freedom as f64).sqrt().max(NOISE_PX / focal);
+
+    let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
+    let cells = views.map(|(x, y)| occupied_cells(x, y, &indices));
+    let chance = views.map(|(x, y)| chance_near(x, y, NEAR_PX / focal));
+    let significance = significance(near.len(), pairs.len(), chance[0].max(chance[1]));
+    let overlap = probability(
+        OVERLAP,
+        [
+            significance.max(0.0) + 1.0,
+            cells[0].min(cells[1]) as f64 + 1.0,
+        ],
+    );
+    let overlap = if significance > 0.0 {
+        overlap
+    } else {
+        overlap.min(BY_CHANCE)
+    };
+    let usual = of_usual_parallax(b_from_a, &near);
+    let deviation = pose_deviation(b_from_a, &usual, noise).to_degrees();
+    let noise_px = noise * focal;
+    let precise = probability(PRECISE, [deviation.max(1e-2), noise_px * noise_px]);
+    PoseProbabilities {
+        overlap,
+        right: overlap * precise,
     }
 }
 
@@ -192,7 +200,9 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Camera, MatchedPoints};
-    use crate::robust::{PoseEstimator, SampleConsensus, SampleConsensusParams, presets};
+    use crate::robust::{
+        PoseEstimate, PoseEstimator, SampleConsensus, SampleConsensusParams, presets,
+    };
     use crate::seed::Seed;
 
     const CAMERA: Camera = Camera::pinhole(600.0, 600.0, 320.0, 240.0);
@@ -233,14 +243,20 @@ mod tests {
     }
 
     fn of_estimator(params: SampleConsensusParams, points: &MatchedPoints) -> PoseProbabilities {
-        let views = TwoViews {
+        views(points).pose_probabilities(&estimate(params, points).b_from_a)
+    }
+
+    fn estimate(params: SampleConsensusParams, points: &MatchedPoints) -> PoseEstimate {
+        let estimator = SampleConsensus::new(params).expect("a preset is in range");
+        estimator.estimate(views(points), Seed(1)).expect("a pose")
+    }
+
+    fn views(points: &MatchedPoints) -> TwoViews<'_> {
+        TwoViews {
             points,
             camera_a: &CAMERA,
             camera_b: &CAMERA,
-        };
-        let estimator = SampleConsensus::new(params).expect("a preset is in range");
-        let estimate = estimator.estimate(views, Seed(1)).expect("a pose");
-        views.pose_probabilities(&estimate.b_from_a)
+        }
     }
 
     #[test]
@@ -251,6 +267,19 @@ mod tests {
         );
         assert!(good.right > 0.8 && good.overlap > 0.95, "{good:?}");
         assert!(bad.right <= bad.overlap && bad.overlap < 0.2, "{bad:?}");
+    }
+
+    #[test]
+    fn a_hopeless_pair_is_given_up_after_a_quarter_of_the_samples() {
+        let adaptive = presets::adaptive();
+        let quarter = adaptive.max_iterations / 4;
+        let noise = 100;
+        let samples = |points: &MatchedPoints| estimate(adaptive, points).iterations;
+        assert_eq!(samples(&matches(0, 400, 1.0)), noise + quarter);
+        // So few that no confidence is reached, and still right.
+        let few = matches(60, 400, 1.0);
+        assert_eq!(samples(&few), noise + adaptive.max_iterations);
+        assert!(of_estimator(adaptive, &few).right > 0.5);
     }
 
     #[test]
@@ -333,12 +362,7 @@ mod tests {
                 ambiguity: vec![0.0; count],
                 ..MatchedPoints::default()
             };
-            let views = TwoViews {
-                points: &points,
-                camera_a: &CAMERA,
-                camera_b: &CAMERA,
-            };
-            let found = views.pose_probabilities(&truth());
+            let found = views(&points).pose_probabilities(&truth());
             assert!((0.0..0.5).contains(&found.overlap), "{found:?}");
             assert!((0.0..0.5).contains(&found.right), "{found:?}");
         }

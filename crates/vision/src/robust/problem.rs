@@ -102,6 +102,12 @@ pub trait Problem {
         None
     }
 
+    /// Whether this is so unlikely to be the true model, though it is the best after many samples, that more samples are
+    /// not worth their time.
+    fn is_hopeless(&self, _model: &Self::Model, _squared_threshold: f64) -> bool {
+        false
+    }
+
     /// A model to replace this one if its `sample` does not determine it (most of its data lie on one plane).
     /// It is called for models that would be the best. `None` if the sample is not degenerate.
     fn resolve_degeneracy(

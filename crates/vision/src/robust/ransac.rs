@@ -127,6 +127,7 @@ impl PoseEstimator for Ransac {
                 cheirality: false,
                 plane_poses: false,
                 changes: None,
+                hopeless: None,
             },
             &InlierCount {
                 squared_threshold: threshold * threshold,

@@ -23,6 +23,7 @@
 //! | | `geometry.plane_poses` | no | ours |
 //! | | `geometry.tangent_sampson` | no | Terekhov, Larsson, ICCV 2023 |
 //! | | `geometry.hypotheses` | 1 | ours |
+//! | | `geometry.hopeless` | 0 | ours |
 //! | | `geometry.degensac` | yes | Chum, Werner, Matas, CVPR 2005 |
 //! | | `score.sprt` | yes | Matas, Chum, ICCV 2005 |
 //! | | `early_stop.min_iterations` | 50 | ours; as many as Lebeda et al. draw before they optimise |
@@ -55,8 +56,8 @@ use super::consensus::inliers_within;
 use super::grid::FAR_AT_DEPTH_1;
 use super::search::{DistanceFrom, Shuffled, Task, squared_cauchy_scale};
 use super::{
-    Consensus, EssentialProblem, FundamentalProblem, NoModel, PoseEstimate, PoseEstimator, Problem,
-    TwoViews,
+    Consensus, EssentialProblem, FundamentalProblem, Hopeless, NoModel, PoseEstimate,
+    PoseEstimator, Problem, TwoViews,
 };
 use crate::geometry::{
     Loss, PointPairs, choose_pose, decompose_essential, essential_from_pose, pose_support,
@@ -95,6 +96,7 @@ impl SampleConsensus {
         let changes = (hypotheses > 1)
             .then(|| matches.changes_at_depth_1(focal_ratio))
             .flatten();
+        let gives_up = self.params.hopeless() > 0.0;
         let task = Task {
             search: self.params.search(),
             matches,
@@ -102,6 +104,7 @@ impl SampleConsensus {
             far: FAR_AT_DEPTH_1,
             // Several can be compared only where something is known of keypoints.
             hypotheses: changes.as_ref().map_or(1, |_| hypotheses),
+            gives_up,
             seed,
             stop,
         };
@@ -115,6 +118,10 @@ impl SampleConsensus {
                 cheirality,
                 plane_poses,
                 changes: changes.as_ref(),
+                hopeless: gives_up.then(|| Hopeless {
+                    below: self.params.hopeless(),
+                    pixels: views.mean_focal(),
+                }),
             }),
             Geometry::Fundamental { degensac } => {
                 task.solve(&FundamentalProblem { pairs, degensac })

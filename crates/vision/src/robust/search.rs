@@ -171,6 +171,9 @@ impl Shuffled {
 /// The threshold, in standard deviations of the noise, if the noise is estimated.
 const SIGMAS: f64 = 5.0;
 
+/// A search that is hopeless is given up after this part of its samples.
+const GIVES_UP_AFTER: usize = 4;
+
 /// One search: everything except the problem, the score and the sampler, which are types.
 pub(super) struct Task<'a> {
     pub(super) search: Search,
@@ -181,6 +184,8 @@ pub(super) struct Task<'a> {
     pub(super) far: f64,
     /// Number of models that are kept to choose among them; see [`Extras`].
     pub(super) hypotheses: usize,
+    /// Whether the search is given up after a quarter of its samples if its best model is hopeless.
+    pub(super) gives_up: bool,
     pub(super) seed: Seed,
     pub(super) stop: &'a dyn Fn(usize) -> bool,
 }
@@ -330,6 +335,7 @@ impl Task<'_> {
                 ..self.search
             },
             hypotheses: 1,
+            gives_up: false,
             seed: self.seed.child("noise"),
             ..*self
         }
@@ -399,6 +405,8 @@ impl Task<'_> {
                 local_steps: self.search.local_steps,
                 sprt,
                 hypotheses: self.hypotheses,
+                hopeless_after: (self.gives_up)
+                    .then(|| (max_samples / GIVES_UP_AFTER).max(stop_early.min_iterations)),
             },
             &mut self.seed.rng(),
             self.stop,

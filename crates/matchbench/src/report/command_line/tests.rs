@@ -27,9 +27,10 @@ fn altered(params: &Value, at: &str, found: &mut Vec<(String, Value)>) {
             return;
         }
         Value::Bool(value) => json!(!value),
-        Value::Number(number) if number.is_f64() => {
-            json!(number.as_f64().expect("it is one") * 0.9)
-        }
+        Value::Number(number) if number.is_f64() => match number.as_f64().expect("it is one") {
+            0.0 => json!(0.1),
+            number => json!(0.9 * number),
+        },
         Value::Number(number) => json!(number.as_u64().expect("counts are not negative") + 1),
         Value::Null => json!(20),
         Value::String(_) | Value::Array(_) => return,

@@ -3,6 +3,8 @@
 
 use crate::geometry::Loss;
 use crate::params::ParamError;
+#[cfg(doc)]
+use crate::robust::PoseProbabilities;
 use crate::robust::parts::{EarlyStop, FinalRefinement, Sampler, Score};
 use crate::robust::search::Search;
 
@@ -31,6 +33,9 @@ pub enum Geometry {
         /// score that uses turns, and does nothing if neither [turns](crate::geometry::MatchedPoints::turns) nor
         /// [growths](crate::geometry::MatchedPoints::growths) are known. Default: 1.
         hypotheses: usize,
+        /// The search is given up after a quarter of `max_iterations` samples if the [probability](PoseProbabilities) that
+        /// the pose so far is right is below this; 0 to 1, where 0 is never. More than 0 needs an early stop. Default: 0.
+        hopeless: f64,
     },
     /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
     Fundamental {
@@ -81,6 +86,7 @@ impl Default for SampleConsensusParams {
                 plane_poses: false,
                 tangent_sampson: false,
                 hypotheses: 1,
+                hopeless: 0.0,
             },
             score: Score::Msac {
                 threshold_px: 1.0,
@@ -122,6 +128,14 @@ impl SampleConsensusParams {
         }
     }
 
+    /// The probability below which the search is given up.
+    pub(super) fn hopeless(&self) -> f64 {
+        match self.geometry {
+            Geometry::Essential { hopeless, .. } => hopeless,
+            Geometry::Fundamental { .. } => 0.0,
+        }
+    }
+
     /// Refuses a parameter that is out of its range. The error names it as
     /// [`Settings`](crate::robust::Settings) do.
     pub(super) fn check(&self) -> Result<(), ParamError> {
@@ -136,6 +150,13 @@ impl SampleConsensusParams {
             "hypotheses",
             self.hypotheses(),
             "1 to 1000 with `turns`, by which they are compared, and 1 without",
+        )?;
+        let most = self.early_stop.map_or(0.0, |_| 1.0);
+        ParamError::unless(
+            (0.0..=most).contains(&self.hopeless()),
+            "hopeless",
+            self.hopeless(),
+            "0 to 1 where sampling may stop early, and 0 where it may not",
         )?;
         ParamError::unless(
             self.max_depth > 0.0,

@@ -20,6 +20,7 @@ impl SampleConsensusParams {
                 plane_poses,
                 tangent_sampson,
                 hypotheses,
+                hopeless,
             } => {
                 flat.geometry = Some(GeometryName::Essential);
                 flat.cheirality = Some(cheirality);
@@ -27,6 +28,7 @@ impl SampleConsensusParams {
                 flat.tangent_sampson = Some(tangent_sampson);
                 let compares = self.score.turns() == Some(true);
                 flat.hypotheses = compares.then_some(hypotheses);
+                flat.hopeless = self.early_stop.map(|_| hopeless);
             }
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
@@ -87,6 +89,7 @@ impl Settings {
                         Some(true) => have(all.hypotheses),
                         _ => 1,
                     },
+                    hopeless: search.early_stop.map_or(0.0, |_| have(all.hopeless)),
                 },
                 GeometryName::Fundamental => Geometry::Fundamental {
                     degensac: have(all.degensac),
@@ -158,6 +161,27 @@ mod tests {
         };
         let none = presets::adaptive().with(none).expect("it acts");
         assert!(SampleConsensus::new(none).is_err());
+    }
+
+    #[test]
+    fn a_search_that_never_stops_early_is_never_hopeless() {
+        let settings = |confidence, hopeless| Settings {
+            confidence,
+            hopeless,
+            ..Settings::default()
+        };
+        let adaptive = presets::adaptive();
+        assert_eq!(adaptive.settings().hopeless, Some(0.1));
+        let all = adaptive.with(settings(Some(1.0), None));
+        let all = all.expect("no early stop");
+        assert_eq!(all.settings().hopeless, None);
+        assert!(SampleConsensus::new(all).is_ok());
+        assert!(all.with(settings(None, Some(0.1))).is_err());
+        for (hopeless, is_allowed) in [(0.0, true), (1.0, true), (1.1, false), (f64::NAN, false)] {
+            let changed = presets::best().with(settings(None, Some(hopeless)));
+            let built = SampleConsensus::new(changed.expect("it acts"));
+            assert_eq!(built.is_ok(), is_allowed, "{hopeless}");
+        }
     }
 
     #[test]

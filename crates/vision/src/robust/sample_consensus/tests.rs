@@ -410,7 +410,7 @@ fn no_threshold_need_be_chosen_where_the_noise_is_estimated() {
                 threshold_px,
                 noise_iterations: 100,
                 cells,
-                turns: false,
+                turns: true,
                 sprt,
             };
             error(score, presets::adaptive())
@@ -475,15 +475,20 @@ fn of_a_plane(
     (points, pose)
 }
 
+fn essential(plane_poses: bool, tangent_sampson: bool) -> Geometry {
+    Geometry::Essential {
+        cheirality: true,
+        plane_poses,
+        tangent_sampson,
+        hypotheses: 1,
+        hopeless: 0.0,
+    }
+}
+
 /// Errors of `best` in degrees, ascending, of so many such pairs.
 fn errors_of_planes(pairs: u64, right: f64, on_the_plane: f64, plane_poses: bool) -> Vec<f64> {
     let best = SampleConsensusParams {
-        geometry: Geometry::Essential {
-            cheirality: true,
-            plane_poses,
-            tangent_sampson: false,
-            hypotheses: 1,
-        },
+        geometry: essential(plane_poses, false),
         ..presets::best()
     };
     errors_of(best, pairs, &CAMERA, right, on_the_plane)
@@ -558,12 +563,7 @@ fn errors_under_a_wide_lens(pairs: u64, right: f64, threshold_px: f64) -> [f64; 
     };
     [false, true].map(|tangent_sampson| {
         let best = SampleConsensusParams {
-            geometry: Geometry::Essential {
-                cheirality: true,
-                plane_poses: false,
-                tangent_sampson,
-                hypotheses: 1,
-            },
+            geometry: essential(false, tangent_sampson),
             score: Score::EvenMsac {
                 threshold_px,
                 cells: 10,
