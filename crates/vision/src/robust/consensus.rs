@@ -27,7 +27,7 @@
 //! model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are excluded by a costlier
 //! check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned early (Matas, Chum,
 //! "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a good one. With
-//! [`Extras::hopeless_after`], a search ends early if its best model so far is [hopeless](Problem::is_hopeless).
+//! [`Extras::hopeless_after`], a search ends early if what it has found is [hopeless](Problem::is_hopeless).
 //!
 //! In any case a model is abandoned as soon as an upper bound of its quality
 //! ([`Scoring::upper_bound`]) is not above the quality of the best one. Up to the rounding of sums, this changes no
@@ -98,8 +98,8 @@ pub struct Extras {
     /// Number of models that differ which are kept beside the best, until one of all is chosen at the end by how far it
     /// lets the data be [trusted](Problem::trust); with 1 none is.
     pub hypotheses: usize,
-    /// Number of samples after which the search is given up if its best model is [hopeless](Problem::is_hopeless), or
-    /// if there is none; `None` for never.
+    /// Number of samples after which the search is given up if what it has found is
+    /// [hopeless](Problem::is_hopeless); `None` for never.
     pub hopeless_after: Option<usize>,
 }
 
@@ -138,8 +138,11 @@ pub fn consensus_until<P: Problem>(
     let mut needed = params.max_samples;
     let mut samples = 0;
     while samples < needed.max(extras.min_samples).min(params.max_samples) && !stop(samples) {
-        if extras.hopeless_after == Some(samples) && is_hopeless(problem, best.as_ref()) {
-            break;
+        if extras.hopeless_after == Some(samples) {
+            let found = (best.as_ref()).map(|(model, support)| (model, support.squared_threshold));
+            if problem.is_hopeless(found) {
+                break;
+            }
         }
         // Samples that are drawn together do not depend on results in between, so the last ones may not be
         // needed.
@@ -209,11 +212,6 @@ pub fn consensus_until<P: Problem>(
         best = others.choose(problem, score, best, extras.local_steps);
     }
     Some(with_inliers(problem, best.0, best.1, samples))
-}
-
-/// Whether the search whose best model this is so far is better given up.
-fn is_hopeless<P: Problem>(problem: &P, best: Option<&(P::Model, Support)>) -> bool {
-    best.is_none_or(|(model, support)| problem.is_hopeless(model, support.squared_threshold))
 }
 
 /// The `other` model if there is one and its quality is higher, else the one that was `found`.
@@ -416,8 +414,8 @@ mod tests {
             any
         }
 
-        fn is_hopeless(&self, model: &[f64; 2], _: f64) -> bool {
-            model[0] > 1.0
+        fn is_hopeless(&self, found: Option<(&[f64; 2], f64)>) -> bool {
+            found.is_none_or(|(line, _)| line[0] > 1.0)
         }
     }
 

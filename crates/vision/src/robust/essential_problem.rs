@@ -135,13 +135,14 @@ impl Problem for EssentialProblem<'_> {
         Some(trust)
     }
 
-    fn is_hopeless(&self, model: &Matrix3<f64>, squared_threshold: f64) -> bool {
+    fn is_hopeless(&self, found: Option<(&Matrix3<f64>, f64)>) -> bool {
         let Some(Hopeless { below, pixels }) = self.hopeless else {
             return false;
         };
-        let near = near(self, self.pairs, model, squared_threshold);
-        Seen::under(model, &near)
-            .is_none_or(|seen| pose_probabilities(self.pairs, pixels, &seen.pose).right < below)
+        let seen = found.and_then(|(model, squared_threshold)| {
+            Seen::under(model, &near(self, self.pairs, model, squared_threshold))
+        });
+        seen.is_none_or(|seen| pose_probabilities(self.pairs, pixels, &seen.pose).right < below)
     }
 
     /// Minimises the truncated squared distance over poses, using the matches near the model.

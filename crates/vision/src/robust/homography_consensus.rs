@@ -143,7 +143,6 @@ impl HomographyEstimator for HomographyConsensus {
             pixels: 1.0,
             far: NOTHING_IS_FAR,
             hypotheses: 1,
-            gives_up: false,
             seed,
             stop,
         };

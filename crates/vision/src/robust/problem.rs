@@ -102,9 +102,9 @@ pub trait Problem {
         None
     }
 
-    /// Whether this is so unlikely to be the true model, though it is the best after many samples, that more samples are
-    /// not worth their time.
-    fn is_hopeless(&self, _model: &Self::Model, _squared_threshold: f64) -> bool {
+    /// Whether what the search has found after many samples, a model and its squared threshold or nothing, is so unlikely
+    /// to be right that more samples are not worth their time.
+    fn is_hopeless(&self, _found: Option<(&Self::Model, f64)>) -> bool {
         false
     }
 

@@ -96,7 +96,6 @@ impl SampleConsensus {
         let changes = (hypotheses > 1)
             .then(|| matches.changes_at_depth_1(focal_ratio))
             .flatten();
-        let gives_up = self.params.hopeless() > 0.0;
         let task = Task {
             search: self.params.search(),
             matches,
@@ -104,7 +103,6 @@ impl SampleConsensus {
             far: FAR_AT_DEPTH_1,
             // Several can be compared only where something is known of keypoints.
             hypotheses: changes.as_ref().map_or(1, |_| hypotheses),
-            gives_up,
             seed,
             stop,
         };
@@ -112,14 +110,15 @@ impl SampleConsensus {
             Geometry::Essential {
                 cheirality,
                 plane_poses,
+                hopeless,
                 ..
             } => task.solve(&EssentialProblem {
                 pairs,
                 cheirality,
                 plane_poses,
                 changes: changes.as_ref(),
-                hopeless: gives_up.then(|| Hopeless {
-                    below: self.params.hopeless(),
+                hopeless: (hopeless > 0.0).then(|| Hopeless {
+                    below: hopeless,
                     pixels: views.mean_focal(),
                 }),
             }),

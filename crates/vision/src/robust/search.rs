@@ -184,8 +184,6 @@ pub(super) struct Task<'a> {
     pub(super) far: f64,
     /// Number of models that are kept to choose among them; see [`Extras`].
     pub(super) hypotheses: usize,
-    /// Whether the search is given up after a quarter of its samples if its best model is hopeless.
-    pub(super) gives_up: bool,
     pub(super) seed: Seed,
     pub(super) stop: &'a dyn Fn(usize) -> bool,
 }
@@ -335,7 +333,6 @@ impl Task<'_> {
                 ..self.search
             },
             hypotheses: 1,
-            gives_up: false,
             seed: self.seed.child("noise"),
             ..*self
         }
@@ -405,8 +402,7 @@ impl Task<'_> {
                 local_steps: self.search.local_steps,
                 sprt,
                 hypotheses: self.hypotheses,
-                hopeless_after: (self.gives_up)
-                    .then(|| (max_samples / GIVES_UP_AFTER).max(stop_early.min_iterations)),
+                hopeless_after: Some((max_samples / GIVES_UP_AFTER).max(stop_early.min_iterations)),
             },
             &mut self.seed.rng(),
             self.stop,

@@ -128,14 +128,6 @@ impl SampleConsensusParams {
         }
     }
 
-    /// The probability below which the search is given up.
-    pub(super) fn hopeless(&self) -> f64 {
-        match self.geometry {
-            Geometry::Essential { hopeless, .. } => hopeless,
-            Geometry::Fundamental { .. } => 0.0,
-        }
-    }
-
     /// Refuses a parameter that is out of its range. The error names it as
     /// [`Settings`](crate::robust::Settings) do.
     pub(super) fn check(&self) -> Result<(), ParamError> {
@@ -151,13 +143,15 @@ impl SampleConsensusParams {
             self.hypotheses(),
             "1 to 1000 with `turns`, by which they are compared, and 1 without",
         )?;
-        let most = self.early_stop.map_or(0.0, |_| 1.0);
-        ParamError::unless(
-            (0.0..=most).contains(&self.hopeless()),
-            "hopeless",
-            self.hopeless(),
-            "0 to 1 where sampling may stop early, and 0 where it may not",
-        )?;
+        if let Geometry::Essential { hopeless, .. } = self.geometry {
+            let most = self.early_stop.map_or(0.0, |_| 1.0);
+            ParamError::unless(
+                (0.0..=most).contains(&hopeless),
+                "hopeless",
+                hopeless,
+                "0 to 1 where sampling may stop early, and 0 where it may not",
+            )?;
+        }
         ParamError::unless(
             self.max_depth > 0.0,
             "max_depth",
