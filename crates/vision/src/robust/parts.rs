@@ -98,6 +98,11 @@ impl Score {
         }
     }
 
+    /// Whether it uses turns of keypoints.
+    pub(super) fn uses_turns(&self) -> bool {
+        self.turns() == Some(true)
+    }
+
     /// The final refinement takes the matches within this multiple of the squared threshold. A tight threshold
     /// leaves out some right matches, so matches beyond it are taken too; a threshold of five standard deviations leaves out
     /// none, so there the factor is 1.

@@ -119,7 +119,7 @@ impl Shuffled {
             growths,
             ..
         } = points.chosen(&order);
-        let asked_for = |column: Option<Vec<f32>>| column.filter(|_| score.turns() == Some(true));
+        let asked_for = |column: Option<Vec<f32>>| column.filter(|_| score.uses_turns());
         let (turns, growths) = (asked_for(turns), asked_for(growths));
         Self {
             pairs: given.chosen(&order),
@@ -171,8 +171,8 @@ impl Shuffled {
 /// The threshold, in standard deviations of the noise, if the noise is estimated.
 const SIGMAS: f64 = 5.0;
 
-/// A search that is hopeless is given up after this part of its samples.
-const GIVES_UP_AFTER: usize = 4;
+/// Of so many samples one is drawn before it is asked whether the search is hopeless.
+const HOPELESS_AFTER_ONE_IN: usize = 4;
 
 /// One search: everything except the problem, the score and the sampler, which are types.
 pub(super) struct Task<'a> {
@@ -402,7 +402,9 @@ impl Task<'_> {
                 local_steps: self.search.local_steps,
                 sprt,
                 hypotheses: self.hypotheses,
-                hopeless_after: Some((max_samples / GIVES_UP_AFTER).max(stop_early.min_iterations)),
+                hopeless_after: Some(
+                    (max_samples / HOPELESS_AFTER_ONE_IN).max(stop_early.min_iterations),
+                ),
             },
             &mut self.seed.rng(),
             self.stop,

@@ -133,17 +133,19 @@ impl SampleConsensusParams {
     pub(super) fn check(&self) -> Result<(), ParamError> {
         self.search().check()?;
         FinalRefinement::check(self.final_refinement)?;
-        let most = match self.score.turns() {
-            Some(true) => 1000,
-            _ => 1,
-        };
-        ParamError::unless(
-            (1..=most).contains(&self.hypotheses()),
-            "hypotheses",
-            self.hypotheses(),
-            "1 to 1000 with `turns`, by which they are compared, and 1 without",
-        )?;
-        if let Geometry::Essential { hopeless, .. } = self.geometry {
+        if let Geometry::Essential {
+            hypotheses,
+            hopeless,
+            ..
+        } = self.geometry
+        {
+            let most = if self.score.uses_turns() { 1000 } else { 1 };
+            ParamError::unless(
+                (1..=most).contains(&hypotheses),
+                "hypotheses",
+                hypotheses,
+                "1 to 1000 with `turns`, by which they are compared, and 1 without",
+            )?;
             let most = self.early_stop.map_or(0.0, |_| 1.0);
             ParamError::unless(
                 (0.0..=most).contains(&hopeless),

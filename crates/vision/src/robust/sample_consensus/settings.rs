@@ -26,8 +26,7 @@ impl SampleConsensusParams {
                 flat.cheirality = Some(cheirality);
                 flat.plane_poses = Some(plane_poses);
                 flat.tangent_sampson = Some(tangent_sampson);
-                let compares = self.score.turns() == Some(true);
-                flat.hypotheses = compares.then_some(hypotheses);
+                flat.hypotheses = self.score.uses_turns().then_some(hypotheses);
                 flat.hopeless = self.early_stop.map(|_| hopeless);
             }
             Geometry::Fundamental { degensac } => {
@@ -85,9 +84,10 @@ impl Settings {
                     cheirality: have(all.cheirality),
                     plane_poses: have(all.plane_poses),
                     tangent_sampson: have(all.tangent_sampson),
-                    hypotheses: match search.score.turns() {
-                        Some(true) => have(all.hypotheses),
-                        _ => 1,
+                    hypotheses: if search.score.uses_turns() {
+                        have(all.hypotheses)
+                    } else {
+                        1
                     },
                     hopeless: search.early_stop.map_or(0.0, |_| have(all.hopeless)),
                 },
