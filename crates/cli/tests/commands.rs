@@ -508,6 +508,14 @@ fn eval_says_who_is_best_and_how_certainly() {
         refused.contains("csv and json have intervals without it"),
         "{refused}"
     );
+    let protocol = ["eval", &out, "--protocol", "matchbench,roma", "--intervals"];
+    let table = text(&run(&protocol).stdout);
+    assert!(
+        table.contains(" [0.") && table.contains("95 % interval"),
+        "{table}"
+    );
+    let refused = text(&run(&[&protocol[..], &["--format", "json"]].concat()).stderr);
+    assert!(refused.contains("csv and json have"), "{refused}");
     let last = told.lines().last().expect("what to do next");
     assert_eq!(last, format!("Next: matchbench report {out}"));
     let report = run(&["report", &out, "--threads", "1"]);

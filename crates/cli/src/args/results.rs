@@ -32,8 +32,9 @@ pub(crate) struct EvalArgs {
     /// How to write the scores
     #[arg(long, value_enum, default_value_t = FormatArg::Table)]
     pub format: FormatArg,
-    /// Write the 95 % interval behind each AUC of the formats latex and markdown
-    #[arg(long, conflicts_with = "protocol")]
+    /// Write the 95 % interval behind each AUC of the formats latex and markdown, or with --protocol behind each score,
+    /// also of the format table
+    #[arg(long)]
     pub intervals: bool,
     /// Write to a file instead of standard output
     #[arg(long, value_name = "FILE")]

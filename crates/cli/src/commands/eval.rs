@@ -14,7 +14,10 @@ use matchbench::metrics::{
 };
 use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Plan, RunFolder};
-use matchbench::report::{Content, Format, RunFacts, render_protocols, render_with_mean, verdicts};
+use matchbench::report::{
+    Content, Format, RunFacts, render_protocols, render_protocols_with_intervals, render_with_mean,
+    verdicts,
+};
 
 use crate::Ending;
 use crate::args::{EvalArgs, FormatArg, PresetArg, ScoredArgs};
@@ -91,7 +94,14 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     };
     let plan = run.as_ref().map(RunFolder::plan);
     let scores = under_protocols(&sets, plan, &asked);
-    Ok(render_protocols(args.format.into(), &scores))
+    let format = args.format.into();
+    if args.intervals {
+        render_protocols_with_intervals(format, &scores).context(
+            "--intervals is for --format table, markdown and latex of protocols; csv and json have intervals without it",
+        )
+    } else {
+        Ok(render_protocols(format, &scores))
+    }
 }
 
 /// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs.

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::quantiles::{deviation, mean};
-use super::{PairResult, ResultSet, ScoreKind, score_kind};
+use super::{Interval, PairResult, ResultSet, ScoreKind, score_kind};
 use crate::counted::counted;
 use crate::estimators;
 use crate::matchers::SIZES;
@@ -45,6 +45,8 @@ pub struct ProtocolScore {
     pub id: &'static str,
     /// The score in `[0, 1]`; `None` without pairs.
     pub value: Option<f64>,
+    /// Its 95 % interval over images, where there is enough evidence for one; a mean over datasets has none.
+    pub interval: Option<Interval>,
     /// Sample standard deviation over groups of repetitions, where there are several.
     pub deviation: Option<f64>,
 }
@@ -89,9 +91,11 @@ fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> P
             .map(|pairs| (kind.value)(pairs).filter(|value| value.is_finite()))
             .collect();
         let values = values.unwrap_or_default();
+        let value = (!values.is_empty()).then(|| mean(&values));
         ProtocolScore {
             id: kind.id,
-            value: (!values.is_empty()).then(|| mean(&values)),
+            value,
+            interval: value.and_then(|value| kind.interval(groups.iter().flatten(), value)),
             deviation: deviation(&values),
         }
     });
@@ -139,6 +143,7 @@ fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
             let values: Option<Vec<f64>> = sets.iter().map(|set| set.scores[i].value).collect();
             ProtocolScore {
                 value: values.map(|values| mean(&values)),
+                interval: None,
                 deviation: None,
                 ..sets[0].scores[i]
             }
@@ -357,6 +362,7 @@ mod tests {
         assert_eq!(scores[1].id, "exact_auc_10");
         // The AUCs are 0.2, 0.4 and 0.6.
         assert!((scores[1].value.expect("there are pairs") - 0.4).abs() < 1e-12);
+        assert_eq!(scores[1].interval, None, "three pairs tell little");
         let deviation = scores[1].deviation.expect("three repetitions");
         assert!((deviation - 0.2).abs() < 1e-12);
     }

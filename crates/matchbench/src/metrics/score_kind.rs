@@ -1,6 +1,7 @@
 //! What a score is: a function of results, and everything that is said about it.
 
-use super::{PairResult, Term};
+use super::intervals::Ratio;
+use super::{Interval, PairResult, Term};
 
 /// A score as a function of results, and everything that is said about it.
 #[derive(Clone, Copy, Debug)]
@@ -49,6 +50,26 @@ impl ScoreKind {
     /// Whether the score has an interval where there is enough evidence.
     pub fn has_interval(&self) -> bool {
         !matches!(self.spread, Spread::Unknown)
+    }
+
+    /// The 95 % interval of the score of these pairs, which is `value`; `None` where there is not enough evidence.
+    pub(super) fn interval<'a>(
+        &self,
+        pairs: impl IntoIterator<Item = &'a PairResult>,
+        value: f64,
+    ) -> Option<Interval> {
+        let ratio = |term| Ratio::of(pairs.into_iter().map(term));
+        match self.spread {
+            Spread::Unknown => None,
+            Spread::Terms(term) => {
+                let ratio = ratio(term)?;
+                match self.notation {
+                    Notation::Ratio => ratio.interval_of_share(ratio.value),
+                    Notation::Count => ratio.interval_of_count(),
+                }
+            }
+            Spread::Nearly(term) => ratio(term)?.interval_of_share(value),
+        }
     }
 }
 

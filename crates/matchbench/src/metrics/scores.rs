@@ -11,7 +11,6 @@ use serde::{Serialize, Serializer};
 use super::auc::{corner_auc_term, exact_auc_term, maa_term};
 use super::average_matches::{average_matches, is_right};
 use super::depth_scores;
-use super::intervals::Ratio;
 use super::pair_result::FOUND_PX;
 use super::score_kind::{Detail, Notation, ScoreKind, Spread, Subject, mean_of_terms, share_term};
 use super::success::{HEADLINE_PX, share_of_thresholds};
@@ -253,17 +252,7 @@ impl Scores {
         let score = |kind: &ScoreKind| {
             let value = (kind.value)(pairs).filter(|value| value.is_finite());
             // Of what is not known nothing is certain.
-            let interval = value.and_then(|value| match kind.spread {
-                Spread::Unknown => None,
-                Spread::Terms(term) => {
-                    let ratio = Ratio::of(pairs.iter().map(term))?;
-                    match kind.notation {
-                        Notation::Ratio => ratio.interval_of_share(ratio.value),
-                        Notation::Count => ratio.interval_of_count(),
-                    }
-                }
-                Spread::Nearly(term) => Ratio::of(pairs.iter().map(term))?.interval_of_share(value),
-            });
+            let interval = value.and_then(|value| kind.interval(pairs, value));
             Score { value, interval }
         };
         Self(SCORES.iter().map(score).collect())

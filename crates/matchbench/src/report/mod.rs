@@ -80,7 +80,7 @@ pub use pair_words::sentence;
 pub use paper::{PaperTimes, check_paper_folder, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;
-pub use protocol_table::render_protocols;
+pub use protocol_table::{render_protocols, render_protocols_with_intervals};
 pub use target::check_target;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use unfinished::Lacking;

@@ -4,25 +4,50 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, ScoreKind, under_protocols};
+use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, Score, ScoreKind, under_protocols};
 use crate::protocols;
 
 use super::content::Content;
-use super::numbers::score;
+use super::numbers::{bracketed, score};
 use super::score_words;
 use super::{Format, csv, latex, markdown, table};
 
-/// The scores as text, ending in a line end.
+/// The scores as text, ending in a line end. Behind a score stands its standard deviation over repetitions.
 pub fn render_protocols(format: Format, scores: &[ProtocolScores]) -> String {
+    render_behind(format, scores, Behind::Deviation)
+}
+
+/// The same, with the 95 % interval behind each score instead: `0.456 [0.386, 0.528]`. `None` of formats that have both as
+/// numbers.
+pub fn render_protocols_with_intervals(
+    format: Format,
+    scores: &[ProtocolScores],
+) -> Option<String> {
     match format {
-        Format::Table => as_table(scores),
+        Format::Csv | Format::Json => None,
+        Format::Table | Format::Markdown | Format::Latex => {
+            Some(render_behind(format, scores, Behind::Interval))
+        }
+    }
+}
+
+/// What stands behind a score in tables for readers.
+#[derive(Clone, Copy)]
+enum Behind {
+    Deviation,
+    Interval,
+}
+
+fn render_behind(format: Format, scores: &[ProtocolScores], behind: Behind) -> String {
+    match format {
+        Format::Table => as_table(scores, behind),
         Format::Csv => as_csv(scores),
         Format::Json => {
             let text = serde_json::to_string_pretty(scores);
             text.expect("names and numbers can be written") + "\n"
         }
-        Format::Markdown => as_markdown(scores),
-        Format::Latex => as_latex(scores),
+        Format::Markdown => as_markdown(scores, behind),
+        Format::Latex => as_latex(scores, behind),
     }
 }
 
@@ -55,20 +80,25 @@ fn of(one: &ProtocolScores, kind: &ScoreKind) -> Option<ProtocolScore> {
     one.scores.iter().find(|score| score.id == kind.id).copied()
 }
 
-/// A score for readers, with its deviation; empty if the protocol has no such score.
-fn cell(one: &ProtocolScores, kind: &ScoreKind) -> String {
+/// A score for readers; empty if the protocol has no such score.
+fn cell(one: &ProtocolScores, kind: &ScoreKind, behind: Behind) -> String {
     let Some(found) = of(one, kind) else {
         return String::new();
     };
-    let value = score(kind.notation, found.value);
-    match found.deviation {
-        Some(deviation) => format!("{value} ± {}", score(kind.notation, deviation)),
-        None => value,
-    }
+    let behind = match behind {
+        Behind::Deviation => found.deviation.map_or_else(String::new, |deviation| {
+            format!(" ± {}", score(kind.notation, deviation))
+        }),
+        Behind::Interval => bracketed(&Score {
+            value: found.value,
+            interval: found.interval,
+        }),
+    };
+    score(kind.notation, found.value) + &behind
 }
 
 /// The head and the rows of a table for readers.
-fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
+fn cells(scores: &[ProtocolScores], behind: Behind) -> (Vec<String>, Vec<Vec<String>>) {
     let kinds = kinds(scores);
     let head = NAMES.into_iter().chain(["pairs", "failed"]);
     let head = head
@@ -76,7 +106,7 @@ fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
         .map(str::to_owned);
     let rows = scores.iter().map(|one| {
         let counts = [one.pairs, one.failed].map(|count| count.to_string());
-        let values = kinds.iter().map(|kind| cell(one, kind));
+        let values = kinds.iter().map(|kind| cell(one, kind, behind));
         let names = names(one).map(str::to_owned).into_iter();
         names.chain(counts).chain(values).collect()
     });
@@ -85,7 +115,7 @@ fn cells(scores: &[ProtocolScores]) -> (Vec<String>, Vec<Vec<String>>) {
 
 /// The notes below a table, one per line: what its scores mean, what each protocol is, and where the run
 /// departed from it.
-fn notes(scores: &[ProtocolScores]) -> Vec<String> {
+fn notes(scores: &[ProtocolScores], behind: Behind) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     let mut defined = None;
     for kind in kinds(scores) {
@@ -98,13 +128,17 @@ fn notes(scores: &[ProtocolScores]) -> Vec<String> {
         }
         defined = Some(kind.definition);
     }
-    if scores
-        .iter()
-        .flat_map(|one| &one.scores)
-        .any(|score| score.deviation.is_some())
-    {
-        lines.push("±: standard deviation over repetitions.".to_owned());
-    }
+    let any = |has: fn(&ProtocolScore) -> bool| {
+        let mut all = scores.iter().flat_map(|one| &one.scores);
+        all.any(has)
+    };
+    let meaning = match behind {
+        Behind::Deviation => any(|score| score.deviation.is_some())
+            .then_some("±: standard deviation over repetitions."),
+        Behind::Interval => any(|score| score.interval.is_some())
+            .then_some("[low, high]: 95 % interval over images."),
+    };
+    lines.extend(meaning.map(str::to_owned));
     let shown = |id: &str| scores.iter().any(|one| one.protocol == id);
     for protocol in protocols::PROTOCOLS
         .iter()
@@ -156,39 +190,41 @@ fn departures(scores: &[ProtocolScores]) -> Vec<String> {
     said.into_iter().map(sentence).collect()
 }
 
-fn as_table(scores: &[ProtocolScores]) -> String {
+fn as_table(scores: &[ProtocolScores], behind: Behind) -> String {
     if scores.is_empty() {
         return "no results\n".to_owned();
     }
-    let (head, rows) = cells(scores);
+    let (head, rows) = cells(scores, behind);
     let mut text = table::aligned(&head, &rows, NAMES.len());
-    for note in notes(scores) {
+    for note in notes(scores, behind) {
         let _ = write!(text, "\n{}", table::printable(&note));
     }
     text + "\n"
 }
 
-fn as_markdown(scores: &[ProtocolScores]) -> String {
+fn as_markdown(scores: &[ProtocolScores], behind: Behind) -> String {
     if scores.is_empty() {
         return "No results.\n".to_owned();
     }
-    let (head, rows) = cells(scores);
+    let (head, rows) = cells(scores, behind);
     let mut text = String::new();
     markdown::rule_below(&mut text, &head, NAMES.len());
     for row in rows {
-        markdown::line(&mut text, row.iter().map(|cell| markdown::escape(cell)));
+        let (names, numbers) = row.split_at(NAMES.len());
+        let names = names.iter().map(|name| markdown::escape(name));
+        markdown::line(&mut text, names.chain(numbers.iter().cloned()));
     }
     text.push('\n');
-    for note in notes(scores) {
+    for note in notes(scores, behind) {
         let _ = writeln!(text, "- {}", markdown::escape(&note));
     }
     text
 }
 
-fn as_latex(scores: &[ProtocolScores]) -> String {
-    let (head, rows) = cells(scores);
+fn as_latex(scores: &[ProtocolScores], behind: Behind) -> String {
+    let (head, rows) = cells(scores, behind);
     let mut text = String::from("% Needs \\usepackage{booktabs}.\n");
-    for note in notes(scores) {
+    for note in notes(scores, behind) {
         let _ = writeln!(text, "% {}", note.replace(char::is_control, " "));
     }
     let numbers = head.len() - NAMES.len();
@@ -214,7 +250,7 @@ fn as_csv(scores: &[ProtocolScores]) -> String {
     let kinds = kinds(scores);
     let mut text = NAMES.join(",") + ",pairs,failed";
     for kind in &kinds {
-        let _ = write!(text, ",{0},{0}_deviation", kind.id);
+        let _ = write!(text, ",{0},{0}_low,{0}_high,{0}_deviation", kind.id);
     }
     text.push_str(",otherwise\n");
     for one in scores {
@@ -222,8 +258,13 @@ fn as_csv(scores: &[ProtocolScores]) -> String {
         row.extend([one.pairs, one.failed].map(|count| count.to_string()));
         for kind in &kinds {
             let score = of(one, kind);
-            row.push(csv::number(score.and_then(|score| score.value)));
-            row.push(csv::number(score.and_then(|score| score.deviation)));
+            let interval = score.and_then(|score| score.interval);
+            row.extend([
+                csv::number(score.and_then(|score| score.value)),
+                csv::number(interval.map(|interval| interval.low)),
+                csv::number(interval.map(|interval| interval.high)),
+                csv::number(score.and_then(|score| score.deviation)),
+            ]);
         }
         row.push(csv::field(&one.otherwise.join("; ")));
         text += &(row.join(",") + "\n");
@@ -260,7 +301,29 @@ mod tests {
         }
         let csv = render_protocols(Format::Csv, &scores);
         let columns = csv.lines().next().map(|line| line.split(',').count());
-        assert_eq!(columns, Some(4 + 2 + 2 * 5 + 1));
+        assert_eq!(columns, Some(4 + 2 + 4 * 5 + 1));
+    }
+
+    #[test]
+    fn intervals_stand_behind_the_scores_if_they_are_asked_for() {
+        let scores = scores();
+        let interval = scores[0].scores[0].interval.expect("eleven images");
+        let shown = format!("0.600 [{:.3}, {:.3}]", interval.low, interval.high);
+        for format in Format::ALL {
+            let with = render_protocols_with_intervals(format, &scores);
+            assert_eq!(with.is_none(), matches!(format, Format::Csv | Format::Json));
+            let Some(with) = with else { continue };
+            assert!(with.contains(&shown), "{with}");
+            assert!(
+                with.contains("95 % interval") || with.contains("95 \\% interval"),
+                "{with}"
+            );
+            assert!(!render_protocols(format, &scores).contains(&shown));
+        }
+        // A mean over datasets has none.
+        let mean = scores.last().expect("the means come last");
+        assert_eq!(mean.dataset, "mean");
+        assert!(mean.scores.iter().all(|score| score.interval.is_none()));
     }
 
     #[test]
@@ -268,7 +331,7 @@ mod tests {
         let results = content(&[("room", "sift", 6)]).results;
         let text = as_csv(&under_protocols(&results, None, &[&SUPERGLUE]));
         assert!(text.starts_with("dataset,matcher,estimator,protocol,pairs,failed,exact_auc_5,"));
-        let text = as_table(&under_protocols(&results, None, &[&IMC]));
+        let text = as_table(&under_protocols(&results, None, &[&IMC]), Behind::Deviation);
         assert!(
             text.contains("mAA 10°: Mean share") && !text.contains("Exact AUC"),
             "{text}"
@@ -289,7 +352,7 @@ mod tests {
             "{text:?}"
         );
         assert!(text[1].starts_with("orb + ransac-e and gms + ransac-e are not as imc asks: "));
-        let text = as_latex(&self::scores());
+        let text = as_latex(&self::scores(), Behind::Deviation);
         assert!(
             text.contains("ro\\_om") && !text.contains("ro_om"),
             "{text}"
