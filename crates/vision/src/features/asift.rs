@@ -22,7 +22,8 @@
 //!
 //! *Choices the paper leaves open*: an image above `max_pixels` is shrunk by averaging first, and
 //! places found in it are the coarser for it (at 480,000 a third of the matches that CODE selects
-//! in images of 3072 x 2048 lie within a pixel of their epipolar lines, 87 % within ten); `limit`
+//! in images of 3072 x 2048 lie within a pixel of their epipolar lines, 87 % within ten), and a
+//! strip of more than 16 x 1 to fewer pixels, since it fills large views when it is turned; `limit`
 //! keeps the strongest responses over all views, since the search for neighbours grows with its
 //! square. Others are those of the simulation (`simulation.rs`).
 //!
@@ -31,7 +32,9 @@
 
 use std::f64::consts::{PI, SQRT_2};
 
-use super::simulation::{SimulatedView, extract_views, shrink_to, shrunk, views_memory};
+use super::simulation::{
+    SimulatedView, extract_views, most_pixels, shrink_to, shrunk, views_memory,
+};
 use super::{DescriptorKind, Extractor, Features};
 use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
@@ -46,7 +49,7 @@ pub struct AsiftParams {
     pub tilts: usize,
     /// Step between longitudes at tilt 1, in degrees; 10 to 180. At tilt `t` it is a `t`-th of it.
     pub longitude_step_deg: f64,
-    /// Larger images are shrunk to about this many pixels; `None` never.
+    /// Larger images are shrunk to about this many pixels, strips of more than 16 x 1 to fewer; `None` never.
     pub max_pixels: Option<usize>,
     /// Keep the features of strongest response, at most this many.
     pub limit: Option<usize>,
@@ -114,7 +117,7 @@ impl<E: Extractor> Asift<E> {
     }
 
     fn extract_of(&self, views: &[SimulatedView], image: &GrayImage) -> Features {
-        let small = shrink_to(image, self.params.max_pixels);
+        let small = shrink_to(image, most_pixels(image.size(), self.params.max_pixels));
         extract_views(
             &self.extractor,
             views,
@@ -152,7 +155,7 @@ impl<E: Extractor> Extractor for Asift<E> {
     }
 
     fn memory(&self, size: Size) -> usize {
-        let small = shrunk(size, self.params.max_pixels);
+        let small = shrunk(size, most_pixels(size, self.params.max_pixels));
         size.area() + views_memory(&self.extractor, &self.views(), small)
     }
 }
@@ -186,14 +189,42 @@ mod tests {
 
     #[test]
     fn a_thin_strip_takes_the_memory_of_its_turned_views() {
-        let asift = asift(AsiftParams::default());
-        let [strip, square] =
-            [(65_535, 100), (1386, 1386)].map(|(w, h)| asift.memory(Size::new(w, h)));
-        // Both are seen as 1.9 million pixels; turned, the strip fills a square of 600 million.
+        let memory = |max_pixels, width, height| {
+            let asift = asift(AsiftParams {
+                max_pixels,
+                ..AsiftParams::default()
+            });
+            asift.memory(Size::new(width, height))
+        };
+        // Turned by an eighth of the circle, the strip fills a square of 33,000 x 33,000 pixels.
+        assert!(memory(None, 65_535, 30) > 4 * 1_000_000_000);
+        // Shrunk, one of 4000 x 4000, beside the 2000 x 2000 of a square image.
+        let most = AsiftParams::default().max_pixels;
+        let [strip, square] = [(65_535, 30), (1386, 1386)].map(|(w, h)| memory(most, w, h));
+        assert!(strip > square && strip < 4 * square, "{strip}, {square}");
+    }
+
+    #[test]
+    fn only_strips_are_shrunk_for_their_views() {
+        let most = |width, height| most_pixels(Size::new(width, height), Some(1000));
+        for (width, height) in [(0, 0), (40, 30), (15, 1), (10, 150)] {
+            assert_eq!(most(width, height), Some(1000), "{width} x {height}");
+        }
+        // Of 320 x 10 the square over the diagonal is 32 times as large.
+        assert_eq!(most(320, 10), Some(499));
+        assert_eq!(most(10, 320), Some(499));
+        assert_eq!(most_pixels(Size::new(320, 10), None), None);
+        let strip = GrayImage::filled(Size::new(3200, 4), 9);
+        let asift = asift(AsiftParams {
+            max_pixels: Some(1000),
+            ..AsiftParams::default()
+        });
+        let seen = shrunk(strip.size(), most_pixels(strip.size(), Some(1000)));
         assert!(
-            strip > 4 * 600_000_000 && square < strip / 20,
-            "{strip}, {square}"
+            seen.width * seen.width < 32 * 1000 && seen.height > 0,
+            "{seen}"
         );
+        assert!(asift.extract(&strip).is_empty());
     }
 
     #[test]

@@ -256,6 +256,24 @@ fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
     }
     compressed
 }
+/// A strip is shrunk until the square over its diagonal has at most so many times `max_pixels`. An image of 4 x 3 has two
+/// times its pixels in that square, one of 16 x 1 sixteen times.
+const STRIP: f64 = 16.0;
+
+/// How many pixels an image of this `size` is shrunk to, if it has more, where most images are shrunk to `max_pixels`. Fewer
+/// of a thin strip: turned, it fills a far larger view.
+pub(super) fn most_pixels(size: Size, max_pixels: Option<usize>) -> Option<usize> {
+    let (width, height) = (size.width as f64, size.height as f64);
+    let times = (width * width + height * height) / (width * height);
+    max_pixels.map(|most| {
+        if times > STRIP {
+            (most as f64 * STRIP / times) as usize
+        } else {
+            most
+        }
+    })
+}
+
 /// The image itself, or a smaller one of about `max_pixels`.
 pub(super) fn shrink_to(image: &GrayImage, max_pixels: Option<usize>) -> GrayImage {
     let mut small = image.clone();
