@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use matchbench::metrics::{SCORES, Summary, doubts, load_run, unfinished};
+use matchbench::metrics::{SCORES, Summary, Unfinished, doubts, load_run};
 use matchbench::records::RunFolder;
 use matchbench::report::{Content, ReportOptions, RunFacts, of_run, verdicts};
 use numpy::PyArray1;
@@ -22,7 +22,8 @@ pub(crate) fn evaluate(
     let (content, warnings) = detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
         let sets = load_run(&run, None).map_err(error)?;
-        let mut warnings = unfinished(&run, &sets).map_err(error)?;
+        let unfinished = Unfinished::of(&run, &sets).map_err(error)?;
+        let mut warnings = unfinished.map_or_else(Vec::new, |lacks| lacks.sentences);
         warnings.extend(doubts(&run, &sets).map_err(error)?);
         Ok::<_, PyErr>((Content::new(sets, RunFacts::default()), warnings))
     })??;

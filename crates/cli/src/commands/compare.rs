@@ -13,7 +13,7 @@ use matchbench::metrics::{
 use matchbench::records::{DatasetPlan, RunFolder};
 use matchbench::report::{Duel, Side, advantage, fixed, signed, units, write_differences};
 
-use super::eval::{warn_of_missing, warn_of_unfinished};
+use super::eval::{run_at, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
 use crate::args::CompareArgs;
 use crate::output::{harmless, is_standard_output, say, stdout};
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     {
         // What is missing of other methods is reported below.
         if sets.iter().all(|set| set.missing() == 0) {
-            warn_of_unfinished(run, sets)?;
+            warn_of_unfinished(run, run_at(run)?.as_ref(), sets)?;
         }
     }
     for (set, run) in rows.iter().flat_map(|row| row.sets.into_iter().zip(runs)) {

@@ -9,8 +9,8 @@ use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    Failure, PairChoice, ResultSet, doubts, load, load_chosen, load_errors, under_protocols,
-    unfinished,
+    Failure, PairChoice, ResultSet, Unfinished, doubts, load, load_chosen, load_errors, load_run,
+    under_protocols,
 };
 use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Plan, RunFolder};
@@ -35,21 +35,20 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
             }
         }
         (None, Some(results)) => {
-            let choice = choice(&args.scored)?;
-            let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
-            warn_of_unfinished(results, &sets)?;
-            warn_of_ignored(results, &sets, &choice);
-            warn_of_strangers(&sets, &choice)?;
-            warn_of_doubts(results, &sets)?;
+            let Loaded {
+                sets,
+                run,
+                unfinished,
+            } = loaded(&args.scored, results)?;
             let mut content = content(sets);
-            if RunFolder::is_at(results) {
-                content.take_lacking(&RunFolder::open(results)?)?;
+            if let Some(run) = &run {
+                content.take_lacking(run, unfinished);
             }
             match args.format {
                 _ if args.intervals => with_intervals(args, &content)?,
                 FormatArg::Table => {
                     let mut text = table(&content);
-                    if RunFolder::is_at(results) {
+                    if run.is_some() {
                         let next = format!("\nNext: matchbench report {}\n", typed(results));
                         text.push_str(&next);
                     }
@@ -68,6 +67,38 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     Ok(Ending::Done)
 }
 
+/// Results that were asked for.
+struct Loaded {
+    sets: Vec<ResultSet>,
+    /// The run that they are of, unless they are in the authors' format, and what it has not recorded yet.
+    run: Option<RunFolder>,
+    unfinished: Option<Unfinished>,
+}
+
+/// Loads results; warns of what is missing or looks wrong in them.
+fn loaded(args: &ScoredArgs, results: &Path) -> Result<Loaded> {
+    let choice = choice(args)?;
+    let sets = load_chosen(results, args.datasets.as_deref(), &choice)?;
+    let run = run_at(results)?;
+    let unfinished = warn_of_unfinished(results, run.as_ref(), &sets)?;
+    warn_of_ignored(results, &sets, &choice);
+    warn_of_strangers(&sets, &choice)?;
+    if let Some(run) = &run {
+        warn_of_doubts(run, &sets)?;
+    }
+    Ok(Loaded {
+        sets,
+        run,
+        unfinished,
+    })
+}
+
+/// The run that results are of, unless they are in the authors' format.
+pub(super) fn run_at(results: &Path) -> Result<Option<RunFolder>> {
+    let run = RunFolder::is_at(results).then(|| RunFolder::open(results));
+    Ok(run.transpose()?)
+}
+
 /// The table with an interval behind each AUC.
 fn with_intervals(args: &EvalArgs, content: &Content) -> Result<String> {
     content.render_with_intervals(args.format.into()).context(
@@ -81,14 +112,8 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     let (sets, run) = match (&args.errors, &args.results) {
         (Some(errors), _) => (load_errors(errors)?, None),
         (None, Some(results)) => {
-            let choice = choice(&args.scored)?;
-            let sets = load_chosen(results, args.scored.datasets.as_deref(), &choice)?;
-            warn_of_unfinished(results, &sets)?;
-            warn_of_ignored(results, &sets, &choice);
-            warn_of_strangers(&sets, &choice)?;
-            warn_of_doubts(results, &sets)?;
-            let is_run = RunFolder::is_at(results);
-            (sets, is_run.then(|| RunFolder::open(results)).transpose()?)
+            let Loaded { sets, run, .. } = loaded(&args.scored, results)?;
+            (sets, run)
         }
         (None, None) => unreachable!("one of the two is required"),
     };
@@ -104,30 +129,36 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     }
 }
 
-/// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs.
-pub(super) fn warn_of_unfinished(results: &Path, sets: &[ResultSet]) -> Result<()> {
-    let is_told = if RunFolder::is_at(results) {
-        let run = RunFolder::open(results)?;
+/// Warns if a run has fewer or more records than it planned, or if there are fewer results than listed pairs. `run` is the one
+/// that the `results` are of, if they are of one; returns what it lacks.
+pub(super) fn warn_of_unfinished(
+    results: &Path,
+    run: Option<&RunFolder>,
+    sets: &[ResultSet],
+) -> Result<Option<Unfinished>> {
+    let mut unfinished = None;
+    if let Some(run) = run {
         warn_of_absent(results, run.plan(), sets);
-        warn_of_unrecorded(&run, sets)?
-    } else {
-        false
-    };
-    if !is_told {
+        unfinished = warn_of_unrecorded(run, sets)?;
+    }
+    if unfinished.is_none() {
         for set in sets {
             warn_of_missing(results, set);
         }
     }
-    Ok(())
+    Ok(unfinished)
 }
 
-/// Warns if a run has fewer or more records than it planned; returns whether it has.
-pub(super) fn warn_of_unrecorded(run: &RunFolder, sets: &[ResultSet]) -> Result<bool> {
-    let sentences = unfinished(run, sets)?;
-    for sentence in &sentences {
+/// Warns if a run has fewer or more records than it planned; returns what it lacks.
+pub(super) fn warn_of_unrecorded(
+    run: &RunFolder,
+    sets: &[ResultSet],
+) -> Result<Option<Unfinished>> {
+    let unfinished = Unfinished::of(run, sets)?;
+    for sentence in unfinished.iter().flat_map(|lacks| &lacks.sentences) {
         say!("warning: {}: {sentence}", run.path().display());
     }
-    Ok(!sentences.is_empty())
+    Ok(unfinished)
 }
 
 /// Warns if files of matches lack pairs that were run, which count as wrong.
@@ -192,11 +223,9 @@ fn warn_of_strangers(sets: &[ResultSet], choice: &PairChoice) -> Result<()> {
 }
 
 /// Warns if the truth of a dataset of a run cannot be right, as far as its poses tell.
-fn warn_of_doubts(results: &Path, sets: &[ResultSet]) -> Result<()> {
-    if RunFolder::is_at(results) {
-        for sentence in doubts(&RunFolder::open(results)?, sets)? {
-            say!("warning: {}: {sentence}", results.display());
-        }
+fn warn_of_doubts(run: &RunFolder, sets: &[ResultSet]) -> Result<()> {
+    for sentence in doubts(run, sets)? {
+        say!("warning: {}: {sentence}", run.path().display());
     }
     Ok(())
 }
@@ -224,8 +253,9 @@ pub(crate) fn print(run: &Path) -> Result<()> {
 
 /// The same; first warns if the truth of a dataset looks wrong.
 pub(super) fn print_with_doubts(run: &Path) -> Result<()> {
-    let sets = load(run, None)?;
-    warn_of_doubts(run, &sets)?;
+    let run = RunFolder::open(run)?;
+    let sets = load_run(&run, None)?;
+    warn_of_doubts(&run, &sets)?;
     print_sets(sets)
 }
 

@@ -72,4 +72,4 @@ pub use strata::{Stratum, auc_by_stratum, strata};
 pub use success::{HEADLINE_PX, SuccessCurve, THRESHOLDS};
 pub use summary::{Summary, shown_scores};
 pub use times::{Quartiles, StageQuartiles};
-pub use unfinished::{Unfinished, unfinished};
+pub use unfinished::Unfinished;

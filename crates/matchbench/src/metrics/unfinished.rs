@@ -75,14 +75,6 @@ impl Unfinished {
     }
 }
 
-/// The sentences of [`Unfinished::of`].
-///
-/// # Errors
-/// As [`Unfinished::of`].
-pub fn unfinished(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreError> {
-    Ok(Unfinished::of(run, sets)?.map_or_else(Vec::new, |unfinished| unfinished.sentences))
-}
-
 /// Tasks of a method that have a record.
 fn recorded(set: &ResultSet) -> usize {
     set.ignored + set.pairs.len() - set.missing()

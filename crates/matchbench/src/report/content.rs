@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::metrics::{
     DatasetGeometry, Groups, Lead, ResultSet, Summary, Unfinished, groups, leads,
 };
-use crate::records::{Plan, RunFolder, StoreError};
+use crate::records::{Plan, RunFolder};
 
 use super::{DatasetFacts, Format, Lacking, PairView, render, render_with_intervals};
 
@@ -77,13 +77,9 @@ impl Content {
         }
     }
 
-    /// Takes note of what the `run` that its results are of has planned and not recorded.
-    ///
-    /// # Errors
-    /// If the folder of the run cannot be read.
-    pub fn take_lacking(&mut self, run: &RunFolder) -> Result<(), StoreError> {
-        self.lacking = Lacking::of(run, Unfinished::of(run, &self.results)?);
-        Ok(())
+    /// Takes note of `what` the `run` that its results are of has planned and not recorded.
+    pub fn take_lacking(&mut self, run: &RunFolder, what: Option<Unfinished>) {
+        self.lacking = Lacking::of(run, what);
     }
 
     /// The scores as text, as [`render`](super::render()) gives them; with a note above tables for people if the run is not

@@ -17,7 +17,7 @@ use super::paper::{PaperTimes, write_paper};
 use super::pictures::{self, Keypoints};
 use crate::cache::FeatureCache;
 use crate::datasets::Sequence;
-use crate::metrics::{PairGeometry, ResultsError, doubts, load_run};
+use crate::metrics::{PairGeometry, ResultsError, Unfinished, doubts, load_run};
 use crate::records::{FolderError, Plan, RunFolder, StoreError};
 
 /// Options of a report.
@@ -111,7 +111,7 @@ pub fn content_of_run(
     let results = load_run(run, None)?;
     let mut content = Content::new(results, facts(run)?);
     let (sequences, mut notes) = sequences(run.plan());
-    content.take_lacking(run)?;
+    content.take_lacking(run, Unfinished::of(run, &content.results)?);
     let lacking = content.lacking.iter();
     notes.extend(lacking.flat_map(|lacking| lacking.what.sentences.iter().cloned()));
     content.doubts = doubts(run, &content.results)?;
