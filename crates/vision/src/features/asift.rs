@@ -49,7 +49,7 @@ pub struct AsiftParams {
     pub tilts: usize,
     /// Step between longitudes at tilt 1, in degrees; 10 to 180. At tilt `t` it is a `t`-th of it.
     pub longitude_step_deg: f64,
-    /// Larger images are shrunk to about this many pixels, strips of more than 16 x 1 to fewer; `None` never.
+    /// Larger images are shrunk to about this many pixels, strips of more than 16 x 1 to fewer; `None`: only such strips are.
     pub max_pixels: Option<usize>,
     /// Keep the features of strongest response, at most this many.
     pub limit: Option<usize>,
@@ -196,12 +196,12 @@ mod tests {
             });
             asift.memory(Size::new(width, height))
         };
-        // Turned by an eighth of the circle, the strip fills a square of 33,000 x 33,000 pixels.
-        assert!(memory(None, 65_535, 30) > 4 * 1_000_000_000);
-        // Shrunk, one of 4000 x 4000, beside the 2000 x 2000 of a square image.
-        let most = AsiftParams::default().max_pixels;
-        let [strip, square] = [(65_535, 30), (1386, 1386)].map(|(w, h)| memory(most, w, h));
-        assert!(strip > square && strip < 4 * square, "{strip}, {square}");
+        // Turned by an eighth of the circle, the strip would fill a square of 46,000 x 46,000 pixels. Shrunk, it fills one of
+        // 4000 x 4000, beside the 2000 x 2000 of a square image.
+        for most in [AsiftParams::default().max_pixels, None] {
+            let [strip, square] = [(65_535, 29), (1386, 1386)].map(|(w, h)| memory(most, w, h));
+            assert!(strip > square && strip < 4 * square, "{strip}, {square}");
+        }
     }
 
     #[test]
@@ -213,7 +213,10 @@ mod tests {
         // Of 320 x 10 the square over the diagonal is 32 times as large.
         assert_eq!(most(320, 10), Some(499));
         assert_eq!(most(10, 320), Some(499));
-        assert_eq!(most_pixels(Size::new(320, 10), None), None);
+        let as_it_is = |width, height| most_pixels(Size::new(width, height), None);
+        assert_eq!((as_it_is(400, 300), as_it_is(15_000, 1_000)), (None, None));
+        assert_eq!(as_it_is(32_000, 1_000), Some(15_984_390));
+        assert_eq!(as_it_is(320, 10), Some(959_063));
         let strip = GrayImage::filled(Size::new(3200, 4), 9);
         let asift = asift(AsiftParams {
             max_pixels: Some(1000),

@@ -259,19 +259,20 @@ fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
 /// A strip is shrunk until the square over its diagonal has at most so many times `max_pixels`. An image of 4 x 3 has two
 /// times its pixels in that square, one of 16 x 1 sixteen times.
 const STRIP: f64 = 16.0;
+/// Instead of `max_pixels`, where no image is to be shrunk for its pixels, if the strip has fewer.
+const OF_STRIPS: usize = 1600 * 1200;
 
-/// How many pixels an image of this `size` is shrunk to, if it has more, where most images are shrunk to `max_pixels`. Fewer
-/// of a thin strip: turned, it fills a far larger view.
+/// How many pixels an image of this `size` is shrunk to, if it has more, where most images are shrunk to `max_pixels`, or not
+/// at all. Fewer of a thin strip: turned, it fills a far larger view.
 pub(super) fn most_pixels(size: Size, max_pixels: Option<usize>) -> Option<usize> {
     let (width, height) = (size.width as f64, size.height as f64);
     let times = (width * width + height * height) / (width * height);
-    max_pixels.map(|most| {
-        if times > STRIP {
-            (most as f64 * STRIP / times) as usize
-        } else {
-            most
-        }
-    })
+    if times > STRIP {
+        let most = max_pixels.unwrap_or(size.area().max(OF_STRIPS));
+        Some((most as f64 * STRIP / times) as usize)
+    } else {
+        max_pixels
+    }
 }
 
 /// The image itself, or a smaller one of about `max_pixels`.
