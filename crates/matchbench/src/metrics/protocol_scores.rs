@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::quantiles::{deviation, mean};
-use super::{Interval, PairResult, ResultSet, ScoreKind, score_kind};
+use super::{PairResult, ResultSet, Score, ScoreKind, score_kind};
 use crate::counted::counted;
 use crate::estimators;
 use crate::matchers::SIZES;
@@ -43,10 +43,9 @@ pub struct ProtocolScores {
 pub struct ProtocolScore {
     /// Its id, one of [`SCORES`](super::SCORES).
     pub id: &'static str,
-    /// The score in `[0, 1]`; `None` without pairs.
-    pub value: Option<f64>,
-    /// Its 95 % interval over images, where there is enough evidence for one; a mean over datasets has none.
-    pub interval: Option<Interval>,
+    /// The score, in `[0, 1]`, and its interval over images; a mean over datasets has none.
+    #[serde(flatten)]
+    pub score: Score,
     /// Sample standard deviation over groups of repetitions, where there are several.
     pub deviation: Option<f64>,
 }
@@ -94,8 +93,10 @@ fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> P
         let value = (!values.is_empty()).then(|| mean(&values));
         ProtocolScore {
             id: kind.id,
-            value,
-            interval: value.and_then(|value| kind.interval(groups.iter().flatten(), value)),
+            score: Score {
+                value,
+                interval: value.and_then(|value| kind.interval(groups.iter().flatten(), value)),
+            },
             deviation: deviation(&values),
         }
     });
@@ -140,10 +141,13 @@ fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
     let several = methods.into_values().filter(|sets| sets.len() > 1);
     let mean_of = |sets: Vec<&ProtocolScores>| {
         let scores = (0..sets[0].scores.len()).map(|i| {
-            let values: Option<Vec<f64>> = sets.iter().map(|set| set.scores[i].value).collect();
+            let values = sets.iter().map(|set| set.scores[i].score.value);
+            let values: Option<Vec<f64>> = values.collect();
             ProtocolScore {
-                value: values.map(|values| mean(&values)),
-                interval: None,
+                score: Score {
+                    value: values.map(|values| mean(&values)),
+                    interval: None,
+                },
                 deviation: None,
                 ..sets[0].scores[i]
             }
@@ -347,10 +351,10 @@ mod tests {
             .collect();
         let [superglue, roma] =
             [&SUPERGLUE, &ROMA].map(|protocol| score(&set, None, protocol).scores[1]);
-        assert!((superglue.value.unwrap() - mean(&aucs)).abs() < 1e-15);
+        assert!((superglue.score.value.unwrap() - mean(&aucs)).abs() < 1e-15);
         assert!(superglue.deviation.is_some());
-        assert!((roma.value.unwrap() - exact_auc(&set.pairs, 10.0)).abs() < 1e-15);
-        assert!(roma.deviation.is_none() && roma.value != superglue.value);
+        assert!((roma.score.value.unwrap() - exact_auc(&set.pairs, 10.0)).abs() < 1e-15);
+        assert!(roma.deviation.is_none() && roma.score.value != superglue.score.value);
     }
 
     #[test]
@@ -361,8 +365,8 @@ mod tests {
         let scores = score(&set("ransac-e", &runs), None, &SUPERGLUE).scores;
         assert_eq!(scores[1].id, "exact_auc_10");
         // The AUCs are 0.2, 0.4 and 0.6.
-        assert!((scores[1].value.expect("there are pairs") - 0.4).abs() < 1e-12);
-        assert_eq!(scores[1].interval, None, "three pairs tell little");
+        assert!((scores[1].score.value.expect("there are pairs") - 0.4).abs() < 1e-12);
+        assert_eq!(scores[1].score.interval, None, "three pairs tell little");
         let deviation = scores[1].deviation.expect("three repetitions");
         assert!((deviation - 0.2).abs() < 1e-12);
     }
@@ -400,7 +404,7 @@ mod tests {
             (scores.len(), &*scores[2].dataset, scores[2].pairs),
             (3, "mean", 4)
         );
-        assert_eq!(scores[2].scores[0].value, Some(0.75));
+        assert_eq!(scores[2].scores[0].score.value, Some(0.75));
         assert_eq!(scores[2].otherwise, [""; 0]);
         // Another method has a third dataset.
         let mut more = sets.clone();

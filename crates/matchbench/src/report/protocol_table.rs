@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, Score, ScoreKind, under_protocols};
+use crate::metrics::{ProtocolScore, ProtocolScores, SCORES, ScoreKind, under_protocols};
 use crate::protocols;
 
 use super::content::Content;
@@ -89,12 +89,9 @@ fn cell(one: &ProtocolScores, kind: &ScoreKind, behind: Behind) -> String {
         Behind::Deviation => found.deviation.map_or_else(String::new, |deviation| {
             format!(" ± {}", score(kind.notation, deviation))
         }),
-        Behind::Interval => bracketed(&Score {
-            value: found.value,
-            interval: found.interval,
-        }),
+        Behind::Interval => bracketed(&found.score),
     };
-    score(kind.notation, found.value) + &behind
+    score(kind.notation, found.score.value) + &behind
 }
 
 /// The head and the rows of a table for readers.
@@ -135,7 +132,7 @@ fn notes(scores: &[ProtocolScores], behind: Behind) -> Vec<String> {
     let meaning = match behind {
         Behind::Deviation => any(|score| score.deviation.is_some())
             .then_some("±: standard deviation over repetitions."),
-        Behind::Interval => any(|score| score.interval.is_some())
+        Behind::Interval => any(|score| score.score.interval.is_some())
             .then_some("[low, high]: 95 % interval over images."),
     };
     lines.extend(meaning.map(str::to_owned));
@@ -257,13 +254,13 @@ fn as_csv(scores: &[ProtocolScores]) -> String {
         let mut row: Vec<String> = names(one).map(csv::field).to_vec();
         row.extend([one.pairs, one.failed].map(|count| count.to_string()));
         for kind in &kinds {
-            let score = of(one, kind);
-            let interval = score.and_then(|score| score.interval);
+            let found = of(one, kind);
+            let interval = found.and_then(|found| found.score.interval);
             row.extend([
-                csv::number(score.and_then(|score| score.value)),
+                csv::number(found.and_then(|found| found.score.value)),
                 csv::number(interval.map(|interval| interval.low)),
                 csv::number(interval.map(|interval| interval.high)),
-                csv::number(score.and_then(|score| score.deviation)),
+                csv::number(found.and_then(|found| found.deviation)),
             ]);
         }
         row.push(csv::field(&one.otherwise.join("; ")));
@@ -307,7 +304,7 @@ mod tests {
     #[test]
     fn intervals_stand_behind_the_scores_if_they_are_asked_for() {
         let scores = scores();
-        let interval = scores[0].scores[0].interval.expect("eleven images");
+        let interval = scores[0].scores[0].score.interval.expect("eleven images");
         let shown = format!("0.600 [{:.3}, {:.3}]", interval.low, interval.high);
         for format in Format::ALL {
             let with = render_protocols_with_intervals(format, &scores);
@@ -323,7 +320,7 @@ mod tests {
         // A mean over datasets has none.
         let mean = scores.last().expect("the means come last");
         assert_eq!(mean.dataset, "mean");
-        assert!(mean.scores.iter().all(|score| score.interval.is_none()));
+        assert!(mean.scores.iter().all(|one| one.score.interval.is_none()));
     }
 
     #[test]

@@ -189,6 +189,20 @@ mod tests {
 
     #[test]
     fn a_thin_strip_takes_the_memory_of_its_turned_views() {
+        let full = asift(AsiftParams::default());
+        let [strip, square] = [(65_535, 100), (1386, 1386)].map(|(w, h)| {
+            let small = shrunk(Size::new(w, h), full.params.max_pixels);
+            views_memory(&full.extractor, &full.views(), small)
+        });
+        // Both are seen as 1.9 million pixels; turned, the strip fills a square of 600 million.
+        assert!(
+            strip > 4 * 600_000_000 && square < strip / 20,
+            "{strip}, {square}"
+        );
+    }
+
+    #[test]
+    fn the_views_of_a_thin_strip_are_not_much_larger_than_those_of_a_square() {
         let memory = |max_pixels, width, height| {
             let asift = asift(AsiftParams {
                 max_pixels,
