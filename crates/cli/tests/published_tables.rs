@@ -217,6 +217,70 @@ fn the_times_of_speed_are_what_the_files_say() {
     }
 }
 
+/// Cells of the rows of a table in Markdown.
+fn rows_of(table: &str) -> impl Iterator<Item = Vec<&str>> {
+    let rows = table.lines().filter(|line| line.starts_with('|'));
+    rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect())
+}
+
+/// A ratio as `docs/speed.md` prints it: beside OpenCV as it comes, and in brackets the other one where there is one.
+fn ratios(first: &str, second: Option<&str>) -> String {
+    let second = second.map(|ratio| format!(" ({})", ratio.trim_end_matches(" x")));
+    first.to_owned() + &second.unwrap_or_default()
+}
+
+#[test]
+fn ratios_of_speed_are_what_the_files_say() {
+    let book = text("docs/speed.md");
+    let processors: Vec<(usize, String)> = rows_of(&book)
+        .find(|cells| cells[0] == "one thread")
+        .expect("the heads of columns")
+        .iter()
+        .enumerate()
+        .filter_map(|(column, head)| {
+            let path = head.split_once("](")?.1.trim_end_matches(')');
+            Some((column, text(&format!("docs/{path}"))))
+        })
+        .collect();
+    assert_eq!(processors.len(), 6);
+    let printed = |row: &str, column: usize| {
+        let cells = rows_of(&book).find(|cells| cells[0] == row);
+        cells.unwrap_or_else(|| panic!("no row of {row}"))[column].to_owned()
+    };
+    for (column, table) in &processors {
+        for size in ["640 x 480", "3072 x 2048"] {
+            let rows: Vec<_> = rows_of(table)
+                .filter(|cells| cells[1] == size.replace(' ', ""))
+                .collect();
+            assert_eq!(rows.len(), 8);
+            for cells in rows {
+                let kept = (cells.len() == 9).then(|| cells[6]);
+                let row = format!("{}, {size}", cells[0]);
+                assert_eq!(printed(&row, *column), ratios(cells[4], kept), "{row}");
+            }
+        }
+        for row in [
+            "SIFT, 500 x 500",
+            "SIFT, 1000 x 1000",
+            "SIFT, 2000 x 2000",
+            "SIFT, 9810 x 6103",
+            "ORB, 500 x 500",
+            "ORB, 33372 x 20238",
+            "BRISK, 500 x 500",
+            "BRISK, 8387 x 5074",
+        ] {
+            let (descriptor, size) = row.split_once(", ").expect("a descriptor and a size");
+            let cells = rows_of(table).find(|cells| cells[..2] == [descriptor, size]);
+            let ratio = cells.expect("the search was measured")[4];
+            let (ratio, flann) = match ratio.split_once(", ") {
+                Some((ratio, flann)) => (ratio, Some(flann.trim_end_matches(" x FLANN"))),
+                None => (ratio, None),
+            };
+            assert_eq!(printed(row, *column), ratios(ratio, flann), "{row}");
+        }
+    }
+}
+
 #[test]
 fn times_in_sentences_are_what_the_files_say() {
     let image = |id: &str| time(id, &["detection"]);
