@@ -2,9 +2,8 @@
 //!
 //! Two pairs are matched, the first of them twice, and one of tiny images. Their true poses or homographies, which the
 //! child never sees, show what the protocol alone cannot show: whether points are what they should
-//! be. If matches do not lie near their true epipolar lines, the usual mistakes are undone one by one (x
-//! and y exchanged, the images exchanged, pixels of a resized image), and the mistake that explains the
-//! matches is named.
+//! be. The usual mistakes are undone one by one (x and y exchanged, the images exchanged, pixels of a resized
+//! image). A mistake that explains the matches of all pairs better is named.
 
 mod points;
 
@@ -16,7 +15,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::seed::Seed;
 
-use points::{EXPLAINS, Known, NEAR_PX, SOUND, mistake, share_near};
+use points::{Judged, Mistake, NEAR_PX, SOUND, mistake};
 
 use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
@@ -111,20 +110,23 @@ pub fn check(
         Some(dataset) => pairs_of(dataset)?,
         None => pairs_of(&built_in(folder.path())?)?,
     };
-    let mut first = None;
+    let mut answers = Vec::new();
     for pair in &pairs {
-        let matched = ask(&external, kind, pair.pair, pair.images());
-        match &matched {
-            Ok(matched) => inspect(pair, matched, tell),
+        let answer = ask(&external, kind, pair.pair, pair.images());
+        match &answer {
+            Ok(matched) => describe(pair, matched, tell),
             Err(breakdown) => tell(wrong(format!("{}: {breakdown}", names(pair.pair)))),
         }
-        first.get_or_insert(matched);
+        answers.push(answer);
     }
-    if let (Some(pair), Some(Ok(first))) = (pairs.first(), first) {
-        tell(compare_repeat(
-            &first,
-            ask(&external, kind, pair.pair, pair.images()),
-        ));
+    let answered = pairs.iter().zip(&answers);
+    judge(
+        answered.filter_map(|(pair, answer)| Some((pair, answer.as_ref().ok()?))),
+        tell,
+    );
+    if let (Some(pair), Some(Ok(first))) = (pairs.first(), answers.first()) {
+        let again = ask(&external, kind, pair.pair, pair.images());
+        tell(compare_repeat(first, again));
     }
     tell(tiny(&external, kind, folder.path())?);
     Ok(())
@@ -215,8 +217,8 @@ fn ask(
     })
 }
 
-/// Says how many matches there are, how long they took and whether they can be right.
-fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
+/// Says how many matches there are and how long they took.
+fn describe(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
     let (name, count) = (names(pair.pair), matched.rows.len());
     let features = matched.features.map_or_else(String::new, |[a, b]| {
         format!(" of {a} and {}", counted(b, "feature"))
@@ -237,43 +239,75 @@ fn inspect(pair: &CheckPair, matched: &Matched, tell: &mut dyn FnMut(Finding)) {
         "{name}: {}{features} in {wall:.3} s; {own}",
         counted(count, "match")
     )));
-    if count < FEW {
-        let text = format!("{name}: with fewer than {FEW} matches no pose is estimated");
-        return tell(doubtful(text));
+}
+
+/// Says whether the matches of the pairs can be right, and which mistake explains them if they are not.
+fn judge<'a>(
+    answered: impl Iterator<Item = (&'a CheckPair, &'a Matched)>,
+    tell: &mut dyn FnMut(Finding),
+) {
+    let mut judged = Vec::new();
+    for (pair, matched) in answered {
+        match can_be_judged(pair, &matched.rows) {
+            Ok(matches) => judged.push(matches),
+            Err(doubt) => tell(doubtful(format!("{}: {doubt}", names(pair.pair)))),
+        }
     }
-    let points = different_points(&matched.rows);
+    let explanation = mistake(&judged);
+    for matches in &judged {
+        tell(judgement(matches, explanation.as_ref()));
+    }
+}
+
+/// The matches of a pair, if the truth can judge them.
+///
+/// # Errors
+/// Why it cannot, in words.
+fn can_be_judged<'a>(pair: &'a CheckPair, rows: &'a [[f32; 5]]) -> Result<Judged<'a>, String> {
+    if rows.len() < FEW {
+        return Err(format!(
+            "with fewer than {FEW} matches no pose is estimated"
+        ));
+    }
+    let points = different_points(rows);
     if points < FEW {
         let points = counted(points, "different point");
-        let text =
-            format!("{name}: all matches are of {points} of an image, which no pose is known from");
-        return tell(doubtful(text));
+        return Err(format!(
+            "all matches are of {points} of an image, which no pose is known from"
+        ));
     }
-    let Some(known) = Known::of(pair) else {
-        return tell(doubtful(format!(
-            "{name}: neither a pose with a baseline nor a homography is known of it, so nothing says whether the points \
-             are right"
-        )));
-    };
-    let near = share_near(pair, &known, &matched.rows);
-    let percent = 100.0 * near;
+    Judged::of(pair, rows).ok_or_else(|| {
+        "neither a pose with a baseline nor a homography is known of it, so nothing says whether the points are right"
+            .to_owned()
+    })
+}
+
+/// How near the matches of a pair lie to where they should, beside how near without the mistake.
+fn judgement(matches: &Judged<'_>, explanation: Option<&Mistake>) -> Finding {
+    let distances = matches.distances();
+    let share = distances.share_near();
     let where_they_lie = format!(
-        "{name}: {percent:.0} % of the matches lie within {NEAR_PX} pixels of their true {}",
-        known.noun()
+        "{}: {:.0} % of the matches lie within {NEAR_PX} pixels of their true {}",
+        names(matches.pair().pair),
+        100.0 * share,
+        matches.noun()
     );
-    if near < EXPLAINS
-        && let Some((mistake, share)) = mistake(pair, &known, &matched.rows)
-    {
-        return tell(wrong(format!(
-            "{where_they_lie}; {:.0} % would if {mistake}",
-            100.0 * share
-        )));
+    if let Some(mistake) = explanation {
+        let without = matches.distances_without(mistake);
+        return wrong(format!(
+            "{where_they_lie}, half of them within {:.1}; {:.0} % would, and half of them within {:.1}, if {}",
+            distances.median(),
+            100.0 * without.share_near(),
+            without.median(),
+            mistake.words
+        ));
     }
-    if near >= SOUND {
-        return tell(good(where_they_lie));
+    if share >= SOUND {
+        return good(where_they_lie);
     }
-    tell(doubtful(format!(
+    doubtful(format!(
         "{where_they_lie}: are they points of the original images, in pixels, x before y, a before b?"
-    )));
+    ))
 }
 
 /// How many pixels the points of matches lie in, in the image where they are fewer.
@@ -348,138 +382,4 @@ fn wrong(text: String) -> Finding {
 }
 
 #[cfg(test)]
-mod tests {
-    use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3, UnitQuaternion};
-
-    use super::super::manifest::BuiltIn;
-    use super::*;
-    use crate::datasets::Turn;
-
-    /// Matches of points in space that two cameras see, without error.
-    fn rows(pair: &CheckPair) -> Vec<[f32; 5]> {
-        let mut rng = Seed(2).rng();
-        let mut number = |from: f64, to: f64| from + (to - from) * rng.below(1000) as f64 / 1000.0;
-        (0..100)
-            .map(|_| {
-                let point = Point3::new(number(-2.0, 2.0), number(-1.5, 1.5), number(5.0, 9.0));
-                let project = |camera: &Camera, point: Point3<f64>| {
-                    camera.project(Point2::new(point.x / point.z, point.y / point.z))
-                };
-                let a = project(&pair.cameras[0], point);
-                let b = project(&pair.cameras[1], pair.truth.pose().unwrap() * point);
-                [a.x as f32, a.y as f32, b.x as f32, b.y as f32, 0.0]
-            })
-            .collect()
-    }
-
-    /// What is said last of these matches.
-    fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
-        let matched = Matched {
-            rows,
-            features: None,
-            times: Times::default(),
-        };
-        let mut told = Vec::new();
-        inspect(pair, &matched, &mut |finding| told.push(finding));
-        let last = told.pop().unwrap();
-        (last.verdict, last.text)
-    }
-
-    #[test]
-    fn without_a_pose_the_homography_judges_and_without_either_nothing_is_certified() {
-        let twice = Matrix3::new(2.0, 0.0, 1.0, 0.0, 2.0, 3.0, 0.0, 0.0, 1.0);
-        let mut pair = CheckPair {
-            pair: [0, 1],
-            paths: ["/a.png", "/b.png"].map(PathBuf::from),
-            sizes: [Size::new(1280, 960); 2],
-            cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-            truth: Truth::Homography(twice),
-        };
-        let point = |i: u8| [f32::from(i) * 7.0, f32::from(i % 9) * 50.0];
-        let right = |i: u8| point(i).map(|x| [x, 2.0 * x]);
-        let right = (0..50)
-            .map(right)
-            .map(|[x, y]| [x[0], y[0], x[1] + 1.0, y[1] + 3.0, 0.0]);
-        let right: Vec<[f32; 5]> = right.collect();
-        let (verdict, text) = told(&pair, right.clone());
-        assert!(
-            verdict == Verdict::Good && text.contains("true places"),
-            "{text}"
-        );
-        let exchanged = right.iter().map(|&[xa, ya, xb, yb, q]| [xb, yb, xa, ya, q]);
-        let exchanged: Vec<[f32; 5]> = exchanged.collect();
-        // A part of them may be near by chance.
-        for rows in [exchanged.clone(), [&right[..15], &exchanged[15..]].concat()] {
-            let (verdict, text) = told(&pair, rows);
-            assert!(
-                verdict == Verdict::Wrong && text.contains("a and b"),
-                "{text}"
-            );
-        }
-        pair.truth = Truth::Pose(Isometry3::identity());
-        let (verdict, text) = told(&pair, right);
-        assert!(
-            verdict == Verdict::Doubtful && text.contains("nothing says"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn a_dataset_that_turns_images_is_refused() {
-        let mut sequence = rendered::sequence(&scenes()[0]);
-        sequence.frames[1].turn = Turn::Half;
-        let folder = tempfile::tempdir().unwrap();
-        let text = "name = 'x'\ncommand = ['no-such-program']\n";
-        let path = folder.path().join("x.toml");
-        let manifest = Manifest::parse(&path, text, &BuiltIn::default()).unwrap();
-        let log = Log::open(&folder.path().join("x.log")).unwrap();
-        let error = check(manifest, log, Some(&sequence), &mut |_| {}).unwrap_err();
-        assert!(error.to_string().contains("turns the image"), "{error}");
-    }
-
-    #[test]
-    fn the_usual_mistakes_are_named() {
-        let pair = CheckPair {
-            pair: [0, 1],
-            paths: ["/a.png", "/b.png"].map(PathBuf::from),
-            sizes: [Size::new(1280, 960); 2],
-            cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-            truth: Truth::Pose(Isometry3::from_parts(
-                Translation3::new(1.0, 0.3, 0.4),
-                UnitQuaternion::from_euler_angles(0.05, 0.2, 0.3),
-            )),
-        };
-        let right = rows(&pair);
-        let told = |change: &dyn Fn([f32; 5]) -> [f32; 5]| {
-            told(&pair, right.iter().map(|&row| change(row)).collect())
-        };
-        assert_eq!(told(&|row| row).0, Verdict::Good);
-        let (verdict, text) = told(&|[xa, ya, xb, yb, q]| [ya, xa, yb, xb, q]);
-        assert!(
-            verdict == Verdict::Wrong && text.contains("x and y"),
-            "{text}"
-        );
-        let (verdict, text) = told(&|[xa, ya, xb, yb, q]| [xb, yb, xa, ya, q]);
-        assert!(
-            verdict == Verdict::Wrong && text.contains("a and b"),
-            "{text}"
-        );
-        let half = |x: f32| f32::midpoint(x, 0.5) - 0.5;
-        let (verdict, text) =
-            told(&|row| [half(row[0]), half(row[1]), half(row[2]), half(row[3]), 0.0]);
-        assert!(
-            verdict == Verdict::Wrong && text.contains("resized to 640"),
-            "{text}"
-        );
-        let (verdict, text) = told(&|row| [row[0], row[1], right[0][2], right[0][3], 0.0]);
-        assert!(
-            verdict == Verdict::Doubtful && text.contains("1 different point"),
-            "{text}"
-        );
-        let (verdict, text) = told(&|row| [row[0], row[1], row[1], row[0], 0.0]);
-        assert!(
-            verdict == Verdict::Doubtful && text.contains("original"),
-            "{text}"
-        );
-    }
-}
+mod tests;
