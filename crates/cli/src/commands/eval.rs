@@ -9,8 +9,8 @@ use matchbench::counted::counted;
 use matchbench::datasets::PairRule;
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    Failure, PairChoice, ResultSet, Unfinished, doubts, load, load_chosen, load_errors, load_run,
-    under_protocols,
+    Failure, PairChoice, ResultSet, Unfinished, doubts, is_without_sign, load, load_chosen,
+    load_errors, load_run, under_protocols,
 };
 use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Plan, RunFolder};
@@ -27,7 +27,9 @@ pub(crate) fn run(args: &EvalArgs) -> Result<Ending> {
     let text = match (&args.errors, &args.results) {
         _ if !args.protocol.is_empty() => by_protocols(args)?,
         (Some(errors), _) => {
-            let content = content(load_errors(errors)?);
+            let sets = load_errors(errors)?;
+            warn_of_lost_signs(&sets);
+            let content = content(sets);
             if args.intervals {
                 with_intervals(args, &content)?
             } else {
@@ -126,6 +128,21 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
         )
     } else {
         Ok(render_protocols(format, &scores))
+    }
+}
+
+/// Warns of tables of errors in which an opposite direction counts as right, since the paper's scores know the sign.
+fn warn_of_lost_signs(sets: &[ResultSet]) {
+    let lost: Vec<&str> = (sets.iter())
+        .filter(|set| is_without_sign(set))
+        .map(|set| &*set.dataset)
+        .collect();
+    if !lost.is_empty() {
+        say!(
+            "warning: {}: many poses are wrong, but no direction by more than 90 degrees, so an opposite one seems to count as \
+             right; compare exact AUC and mAA with those of others, not AUC and SP",
+            lost.join(", ")
+        );
     }
 }
 

@@ -8,12 +8,13 @@
 //! `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
 //!
 //! AP is unknown, since it needs matches. Where there is only one pose error, the scores of one angle are unknown.
+//! ZEB's errors of translations have lost their sign ([`is_without_sign`]).
 //!
 //! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
-//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), pairs of one first image stay
-//! together; otherwise every pair stands alone.
+//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), images are known by their names, so that
+//! intervals know which pairs share one; otherwise every pair stands alone.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -126,13 +127,43 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
         .collect()
 }
 
+/// Wrong poses of which the directions of some are more than 90 degrees off, unless errors have lost their sign. It
+/// happens by chance in one case of a thousand.
+const WRONG_POSES: usize = 10;
+/// Degrees from which on a direction counts as wrong there.
+const WRONG_DEG: f64 = 20.0;
+
+/// Whether the errors of translations look as if an opposite direction counted as right: many poses are wrong, and none
+/// has an error above 90 degrees. The scores that use the sign (AUC, SP, those of translations) are then too high.
+pub fn is_without_sign(set: &ResultSet) -> bool {
+    let translations = set.pairs.iter().filter_map(|pair| match pair.outcome {
+        Ok(Deviation::Pose(error)) => error.translation,
+        _ => None,
+    });
+    let (mut wrong, mut largest) = (0, 0.0_f64);
+    for error in translations {
+        wrong += usize::from(error > WRONG_DEG);
+        largest = largest.max(error);
+    }
+    wrong >= WRONG_POSES && largest <= 90.0
+}
+
 /// Where the errors of a row are.
 enum Columns {
     Apart { rotation: usize, translation: usize },
     Larger(usize),
 }
 
-/// The pairs of a table, numbered by their rows; or what is wrong in which line.
+/// The images of a pair, as ZEB writes it: `scene#image a#image b`, or `image a#image b`.
+fn images(identifier: &str) -> Option<[String; 2]> {
+    let (first, second) = identifier.rsplit_once('#')?;
+    let scene = first.rsplit_once('#').map(|(scene, _)| scene);
+    let second = scene.map_or_else(|| second.to_owned(), |scene| format!("{scene}#{second}"));
+    Some([first.to_owned(), second])
+}
+
+/// The pairs of a table; or what is wrong in which line. Images are numbered in the order of their names. Without names
+/// each pair has two of its own: the number of its row, and another one counted from the end.
 fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
     let mut lines = (text.lines().enumerate())
         .map(|(index, line)| (index + 1, line.trim()))
@@ -161,12 +192,24 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
     let identifiers = header
         .iter()
         .position(|head| head.eq_ignore_ascii_case(IDENTIFIERS));
-    let mut references = HashMap::new();
+    let lines: Vec<(usize, Vec<String>)> = lines.map(|(line, row)| (line, split(row))).collect();
+    let named = |fields: &[String]| images(fields.get(identifiers?)?);
+    let mut numbers = BTreeMap::new();
+    for image in lines
+        .iter()
+        .filter_map(|(_, fields)| named(fields))
+        .flatten()
+    {
+        numbers.insert(image, 0);
+    }
+    for (number, next) in numbers.values_mut().zip(0..) {
+        *number = next;
+    }
     let mut first_lines = HashMap::new();
-    lines
+    (lines.iter())
         .zip(0..)
-        .map(|((line, row), index)| {
-            let fields = split(row);
+        .map(|((line, fields), index)| {
+            let line = *line;
             if fields.len() != header.len() {
                 let problem = format!("{} fields under {} heads", fields.len(), header.len());
                 return Err((line, problem));
@@ -193,13 +236,12 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
                 );
                 return Err((line, problem));
             }
-            let reference = identifiers
-                .and_then(|column| fields[column].rsplit_once('#'))
-                .map_or_else(|| index.to_string(), |(reference, _)| reference.to_owned());
-            // From the end, so that no reference image has the number of a row.
-            let next = u32::MAX - references.len() as u32;
-            let a = *references.entry(reference).or_insert(next);
-            let mut pair = PairResult::failed(a, index, Failure::Unexplained);
+            // From the end, so that no image has the number of a row or of a name.
+            let [a, b] = named(fields)
+                .map_or([u32::MAX - index, numbers.len() as u32 + index], |its| {
+                    its.map(|image| numbers[&image])
+                });
+            let mut pair = PairResult::failed(a, b, Failure::Unexplained);
             if let Some(deviation) = deviation {
                 pair.outcome = Ok(deviation);
                 pair.correspondences = None; // the tables tell errors alone
@@ -277,19 +319,55 @@ mod tests {
         let (zeb, csv) = (parse(zeb).expect("in order"), parse(csv).expect("in order"));
         let errors = |pairs: &[PairResult]| pairs.iter().map(|p| p.outcome).collect::<Vec<_>>();
         assert_eq!(errors(&zeb), errors(&csv));
-        let references = |pairs: &[PairResult]| pairs.iter().map(|p| p.a).collect::<Vec<_>>();
-        assert_eq!(
-            (references(&zeb), references(&csv)),
-            (
-                vec![u32::MAX; 3],
-                vec![u32::MAX, u32::MAX - 1, u32::MAX - 2]
-            )
-        );
+        let images = |pairs: &[PairResult]| pairs.iter().map(|p| (p.a, p.b)).collect::<Vec<_>>();
+        assert_eq!(images(&zeb), [(0, 1), (0, 2), (0, 3)]);
+        let last = u32::MAX;
+        assert_eq!(images(&csv), [(last, 0), (last - 1, 1), (last - 2, 2)]);
         // Errors 1, 3 (an opposite direction is 1 degree off) and none, of three pairs.
         let expected = (0.5 + 2.0 * 1.5 + 2.0 * 2.0) / 15.0;
         assert!((exact_auc(&zeb, 5.0) - expected).abs() < 1e-12);
         let pose = parse("pose_error\n1\n3\nnan\n").expect("in order");
         assert!((exact_auc(&pose, 5.0) - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_image_has_one_number_in_either_place_and_whatever_the_order_of_rows() {
+        let images = |rows: &str| {
+            let table = format!("identifiers R_errs t_errs\n{rows}");
+            let pairs = parse(&table).expect("in order");
+            pairs.iter().map(|p| (p.a, p.b)).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            images("s#1#2 1 1\ns#2#3 1 1\nt#2#3 1 1\n"),
+            [(0, 1), (1, 2), (3, 4)]
+        );
+        assert_eq!(
+            images("t#2#3 1 1\ns#2#3 1 1\ns#1#2 1 1\n"),
+            [(3, 4), (1, 2), (0, 1)]
+        );
+    }
+
+    #[test]
+    fn errors_without_their_sign_are_known_by_many_wrong_poses_of_which_none_is_opposite() {
+        let set = |errors: &[f64]| {
+            let rows = errors.iter().map(|error| format!("1 {error}\n"));
+            let table = format!("R_errs t_errs\n{}", rows.collect::<String>());
+            ResultSet {
+                dataset: "wall".into(),
+                matcher: "sift".into(),
+                estimator: String::new(),
+                repetitions: 1,
+                pairs: parse(&table).expect("in order"),
+                ignored: 0,
+                lacking: 0,
+            }
+        };
+        assert!(is_without_sign(&set(&[40.0; 10])));
+        assert!(!is_without_sign(&set(&[40.0; 9])));
+        assert!(!is_without_sign(&set(&[2.0; 100])));
+        assert!(!is_without_sign(&set(
+            &[[40.0; 10].as_slice(), &[91.0]].concat()
+        )));
     }
 
     #[test]

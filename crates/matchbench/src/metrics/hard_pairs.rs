@@ -189,13 +189,15 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
     [features, shares].map(Votes::of_most)
 }
 
-/// The pairs on which a number is low, as matchers say.
+/// What matchers say of a number of each pair.
 #[derive(Default)]
-struct Votes {
-    /// Matchers that know the number.
-    voters: usize,
-    /// How many of them call the number of a pair low.
-    low: BTreeMap<(u32, u32), usize>,
+struct Votes(BTreeMap<(u32, u32), Vote>);
+
+/// How many matchers know the number of a pair, and how many of them call it low.
+#[derive(Clone, Copy, Default)]
+struct Vote {
+    known: usize,
+    low: usize,
 }
 
 impl Votes {
@@ -205,19 +207,21 @@ impl Votes {
         let Some(usual) = median(known.collect()) else {
             return;
         };
-        self.voters += 1;
         for (pair, its) in counted {
-            let is_low = number(its).is_some_and(|its| its < usual / 2.0);
-            *self.low.entry(*pair).or_default() += usize::from(is_low);
+            if let Some(its) = number(its) {
+                let vote = self.0.entry(*pair).or_default();
+                vote.known += 1;
+                vote.low += usize::from(its < usual / 2.0);
+            }
         }
     }
 
-    /// The pairs that more than half of the matchers call low.
+    /// The pairs whose number is low as more than half of the matchers say that know it.
     fn of_most(self) -> BTreeSet<(u32, u32)> {
         let most = self
-            .low
+            .0
             .into_iter()
-            .filter(|(_, low)| 2 * low > self.voters);
+            .filter(|(_, vote)| 2 * vote.low > vote.known);
         most.map(|(pair, _)| pair).collect()
     }
 }
@@ -324,6 +328,20 @@ mod tests {
         results.pairs[2].outcome = Err(Failure::Broken);
         results.pairs[2].counts = Some(Counts::default());
         assert_eq!(hard_pairs(&[&results], None), []);
+    }
+
+    #[test]
+    fn a_matcher_has_no_voice_on_a_pair_that_it_broke_on() {
+        let pairs = [(true, 900, 50), (true, 900, 50), (false, 100, 50)];
+        let mut broken = set(&pairs);
+        broken.matcher = "surf".into();
+        broken.pairs[2].outcome = Err(Failure::Broken);
+        broken.pairs[2].counts = Some(Counts::default());
+        let found = hard_pairs(&[&set(&pairs), &broken], None);
+        let kinds: Vec<_> = (found.iter())
+            .map(|hard| (hard.hardship, hard.example))
+            .collect();
+        assert_eq!(kinds, [(Hardship::LittleTexture, Some((2, 3)))]);
     }
 
     #[test]

@@ -21,8 +21,9 @@
 //!    its own.
 //! 6. The interval is `r +- t s`, with s the standard error and t the quantile of Student's t distribution with n - 1
 //!    degrees of freedom. That of a share between 0 and 1 is computed for its logit (log r / (1 - r)), so that it stays
-//!    between 0 and 1. If no pair differs from another, r is 0 or 1, and s tells nothing. Then the other end is
-//!    that of Clopper and Pearson (Biometrika 26(4), 1934) for n of n units.
+//!    between 0 and 1. If no pair differs from another, s is 0 and tells nothing. Of n units that are all alike, up to a
+//!    share f of others may be unlike them, by Clopper and Pearson (Biometrika 26(4), 1934). These may be
+//!    wholly wrong or wholly right, so the interval is from `r (1 - f)` to `r + (1 - r) f`.
 //! 7. Below [`MIN_IMAGES`] units there is no interval.
 //! 8. The difference of two methods on the same pairs is a score too, whose terms are the differences of theirs. Its
 //!    interval is much narrower than the two separate intervals suggest, because hard images are hard for both.
@@ -34,6 +35,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::ranks::ROUNDING;
 use super::students_t::{self, ALPHA};
 
 /// Units below which there is no interval, and no difference is certain. A difference that has the same sign on each
@@ -216,14 +218,13 @@ impl Ratio {
     /// The interval of a share between 0 and 1; about `value`, if that is not quite the ratio.
     pub(super) fn interval_of_share(&self, value: f64) -> Option<Interval> {
         let reach = self.reach()?;
-        if value <= 0.0 || value >= 1.0 {
-            let far = 1.0 - libm::pow(ALPHA / 2.0, 1.0 / self.units as f64);
-            let (low, high) = if value <= 0.0 {
-                (0.0, far)
-            } else {
-                (1.0 - far, 1.0)
-            };
-            return Some(Interval { low, high });
+        if self.error < ROUNDING || value <= 0.0 || value >= 1.0 {
+            let value = value.clamp(0.0, 1.0);
+            let unlike = 1.0 - libm::pow(ALPHA / 2.0, 1.0 / self.units as f64);
+            return Some(Interval {
+                low: value * (1.0 - unlike),
+                high: value + (1.0 - value) * unlike,
+            });
         }
         let logit = libm::log(value / (1.0 - value));
         let reach = reach / (value * (1.0 - value));
@@ -364,6 +365,23 @@ mod tests {
         assert!((all.low - (1.0 - none.high)).abs() < 1e-12 && all.high == 1.0);
         assert!(one.low > 0.0 && one.high > none.high && one.high < half.high);
         assert!((half.low + half.high - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_share_of_pairs_that_are_all_alike_is_not_certain() {
+        // The AUC of 20 pairs that all pass 14 of 15 thresholds.
+        let terms = (0..20).map(|i| term((i, 100 + i), 14.0 / 15.0));
+        let ratio = Ratio::of(terms).expect("there are pairs");
+        let interval = ratio.interval_of_share(ratio.value).expect("twenty pairs");
+        let unlike = 1.0 - 0.025_f64.powf(1.0 / 20.0);
+        assert!(
+            (interval.low - 14.0 / 15.0 * (1.0 - unlike)).abs() < 1e-9,
+            "{interval:?}"
+        );
+        assert!(
+            (interval.high - (14.0 + unlike) / 15.0).abs() < 1e-9,
+            "{interval:?}"
+        );
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub use auc::{corner_auc, exact_auc, maa};
 pub use average_matches::average_matches;
 pub use comparison::{Comparison, Lead, auc_difference, compare, leads, twins};
 pub use doubts::doubts;
-pub use errors::{ErrorTableError, load_errors};
+pub use errors::{ErrorTableError, is_without_sign, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
 pub use groups::{GROUP_LEVEL_NOTE, Groups, groups};

@@ -3,6 +3,9 @@
 //! The difference of two AUCs on the same pairs is a score too, with a standard error (see [`intervals`](super::intervals)).
 //! A difference of so many standard errors has a two-sided p-value by Student's t distribution, with as many degrees of
 //! freedom as units less one. It is at most 5 % exactly where the 95 % interval of the difference leaves out 0.
+//!
+//! A difference that is the same on all of n units has no standard error. Then the p-value is that of the signs alone: n
+//! signs agree by chance in one case of 2^(n-1).
 
 use super::intervals::{MIN_IMAGES, Ratio};
 use super::ranks::ROUNDING;
@@ -90,6 +93,9 @@ pub(super) fn p_value(ratio: &Ratio) -> Option<f64> {
     if ratio.value.abs() < ROUNDING {
         return Some(1.0);
     }
+    if ratio.error < ROUNDING {
+        return Some(libm::exp2(1.0 - ratio.units as f64));
+    }
     let t = ratio.value.abs() / ratio.error;
     Some(students_t::beyond(t, ratio.units - 1))
 }
@@ -129,6 +135,13 @@ mod tests {
         let few = difference(&[0.2; 5]);
         assert!(!few.is_certain && few.has_few_images());
         assert!(difference(&[0.2; 6]).is_certain);
+        let terms = (0..6).map(|image| Term {
+            images: (image, 1000 + image),
+            numerator: 0.2,
+            denominator: 1.0,
+        });
+        let alike = Ratio::of(terms).expect("there are pairs");
+        assert_eq!(p_value(&alike), Some(1.0 / 32.0));
         assert!(!difference(&[1e-16; 30]).is_certain);
         assert!(difference(&[1e-16; 30]).is_zero());
         // Some images have a difference of 0, the others what sums leave of it.

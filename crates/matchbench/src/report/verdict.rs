@@ -58,7 +58,35 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
             format!("{shared}, but {best} is not certainly better than {others}")
         }
     };
+    let strangers = strangers(leads);
+    let text = match strangers.is_empty() {
+        true => text,
+        false => format!(
+            "{text}; {} has no estimator in common with {}, so this compares estimators too: give all the same --estimator",
+            first.best.0,
+            together(&strangers)
+        ),
+    };
     format!("{name}: {text}").replace(char::is_control, "\u{fffd}")
+}
+
+/// The matchers that were run with no estimator that the best matcher was run with.
+fn strangers(leads: &[&Lead]) -> Vec<String> {
+    let best = &leads[0].best;
+    let others = leads.iter().map(|lead| &lead.other);
+    let methods: Vec<_> = others.chain([best]).collect();
+    let has = |matcher: &str, estimator: &str| {
+        (methods.iter()).any(|(its, with)| its == matcher && with == estimator)
+    };
+    let mut strangers: Vec<String> = Vec::new();
+    for (matcher, _) in &methods {
+        let mut own = methods.iter().filter(|(its, _)| its == matcher);
+        if !own.any(|(_, estimator)| has(&best.0, estimator)) && !strangers.contains(matcher) {
+            strangers.push(matcher.clone());
+        }
+    }
+    strangers.truncate(NAMED);
+    strangers
 }
 
 /// The best and those that share its AUC: at most [`NAMED`] names, then the number of the others.
@@ -126,6 +154,7 @@ mod tests {
         let of_homographies = Lead {
             model: Model::Homography,
             best: ("orb".into(), "best-h".into()),
+            other: ("akaze".into(), "best-h".into()),
             ..lead("wall", "akaze", 0.3, 0.1)
         };
         let leads = [
@@ -137,10 +166,29 @@ mod tests {
             verdicts(&leads),
             [
                 "wall (poses): sift + best is certainly better than orb + best",
-                "wall (homographies): orb + best-h is certainly better than akaze + best",
+                "wall (homographies): orb + best-h is certainly better than akaze + best-h",
                 "street: sift + best is certainly better than orb + best",
             ]
         );
+    }
+
+    #[test]
+    fn matchers_without_a_common_estimator_are_told() {
+        let of = |matcher: &str, estimator: &str| Lead {
+            other: (matcher.into(), estimator.into()),
+            ..lead("wall", "", 0.2, 0.1)
+        };
+        let sentence = |leads: &[Lead]| verdicts(leads).concat();
+        let text = sentence(&[of("orb", "ransac-e"), of("surf", "best")]);
+        assert!(
+            text.ends_with(
+                "; sift has no estimator in common with orb, so this compares estimators too: give all the same --estimator"
+            ),
+            "{text}"
+        );
+        // One in common is enough, whichever was the best.
+        let text = sentence(&[of("orb", "ransac-e"), of("sift", "ransac-e")]);
+        assert!(!text.contains("in common"), "{text}");
     }
 
     #[test]
