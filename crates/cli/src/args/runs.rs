@@ -403,12 +403,12 @@ pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// First image of the pair, counted from 0
+    /// First image of the pair: its number, counted from 0, or its name
     #[arg(value_name = "A")]
-    pub a: u32,
+    pub a: String,
     /// Second image of the pair
     #[arg(value_name = "B")]
-    pub b: u32,
+    pub b: String,
     /// The matcher (see `matchbench list matchers`); a path is that of the manifest of a matcher from outside
     #[arg(
         long,

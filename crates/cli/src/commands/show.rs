@@ -36,7 +36,11 @@ pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     let [contender] = &contenders[..] else {
         bail!("show draws the matches of one matcher");
     };
-    let pair = [args.a, args.b];
+    let sequence = &datasets[0].sequence;
+    let pair = [
+        sequence.frame_called(&args.a)?,
+        sequence.frame_called(&args.b)?,
+    ];
     let shown = Shown::new(&datasets[0], pair, contender, args.seed, args.keypoints)?;
     let picture = match format {
         Format::Svg => shown.svg().into_bytes(),

@@ -15,6 +15,7 @@ use serde::{Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 pub use changes::{Changes, parse_value};
+pub(crate) use names::with_suggestion;
 pub use names::{UnknownName, find};
 #[cfg(test)]
 pub(crate) use parameters::check_explained;
@@ -73,7 +74,10 @@ fn refusal<P: DeserializeOwned>(
     let culprit = culprit::<P>(config).map_or_else(String::new, |name| format!("`{name}`: "));
     ConfigError::new(
         id,
-        format!("{culprit}{}", in_plain_words(&error.to_string())),
+        format!(
+            "{culprit}{}",
+            with_suggestion(&in_plain_words(&error.to_string()))
+        ),
     )
 }
 

@@ -27,22 +27,51 @@ pub fn find<'n, E: Copy>(
     if let Some(index) = names().position(|known| known == name) {
         return Ok(entries[index]);
     }
-    let nearest = (names().map(|known| (edits(name, known), known)))
-        // If half of the letters are wrong, it is probably another word.
-        .filter(|&(edits, known)| 2 * edits <= known.len())
-        .min();
     Err(UnknownName {
         kind,
         name: name.into(),
-        suggestion: nearest.map_or_else(String::new, |(_, known)| {
-            format!(" (did you mean `{known}`?)")
-        }),
+        suggestion: suggestion(name, names()),
         known: names().collect::<Vec<_>>().join(", "),
         beside: "",
     })
 }
 
+/// The question whether the most similar one of these names was meant, in brackets; empty if none is similar.
+fn suggestion<'n>(name: &str, known: impl Iterator<Item = &'n str>) -> String {
+    let nearest = (known.map(|known| (edits(name, known), known)))
+        // If half of the letters are wrong, it is probably another word.
+        .filter(|&(edits, known)| 2 * edits <= known.len())
+        .min();
+    nearest.map_or_else(String::new, |(_, known)| {
+        format!(" (did you mean `{known}`?)")
+    })
+}
+
+/// An error of serde, "unknown field `x`, expected one of `y`, `z`", with the name that was probably meant.
+pub(crate) fn with_suggestion(error: &str) -> String {
+    let Some((unknown, known)) = error.split_once(", expected ") else {
+        return error.to_owned();
+    };
+    let Some(("unknown field ", name)) = unknown.trim_end_matches('`').split_once('`') else {
+        return error.to_owned();
+    };
+    let names = known.split('`').skip(1).step_by(2);
+    format!("{unknown}{}, expected {known}", suggestion(name, names))
+}
+
 impl UnknownName {
+    /// The same, with the question whether one of the names in this part was meant, if it is such a name.
+    pub(crate) fn of_part<'n>(
+        mut self,
+        part: &str,
+        mut names: impl Iterator<Item = &'n str>,
+    ) -> Self {
+        if names.any(|known| known == self.name) {
+            self.suggestion = format!(" (did you mean `{part}.{}`?)", self.name);
+        }
+        self
+    }
+
     /// The same, with what else a name may be: the end of its message.
     pub(crate) fn beside(self, beside: &'static str) -> Self {
         Self { beside, ..self }
@@ -68,6 +97,22 @@ fn edits(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_unknown_field_is_told_with_the_one_that_was_meant() {
+        let error = "unknown field `threshold`, expected one of `score`, `threshold_px`";
+        assert_eq!(
+            with_suggestion(error),
+            "unknown field `threshold` (did you mean `threshold_px`?), expected one of `score`, `threshold_px`"
+        );
+        for other in [
+            "unknown field `abc`, expected `score`",
+            "invalid type: string \"a, expected b\", expected a number",
+            "missing field `score`",
+        ] {
+            assert_eq!(with_suggestion(other), other);
+        }
+    }
 
     #[test]
     fn letters_are_counted() {

@@ -6,6 +6,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Isometry3, Matrix3};
 
+use super::names::{ImageNames, Named};
 use super::{DatasetError, Depth, DepthFile, Turn, read_gray, read_planes, read_size};
 
 /// One dataset: frames and the pairs that a matcher is judged on.
@@ -66,6 +67,35 @@ pub enum Truth {
 }
 
 impl Sequence {
+    /// The frame that somebody calls so: by its number, counted from 0, or by the name of its image, with or without
+    /// folders and ending.
+    ///
+    /// # Errors
+    /// If there is no such frame, or several images have this name.
+    pub fn frame_called(&self, name: &str) -> Result<u32, DatasetError> {
+        let known = self.frames.len();
+        if let Ok(number) = name.parse::<u32>()
+            && (number as usize) < known
+        {
+            return Ok(number);
+        }
+        let file = |number: u32| self.frames[number as usize].image.clone();
+        let images = self.frames.iter().map(|frame| &*frame.image);
+        match ImageNames::of(images).whole(name) {
+            Some(Named::One(number)) => Ok(number),
+            Some(Named::Several(one, other)) => Err(DatasetError::new(
+                file(one),
+                format!("`{name}` may be this image or {}", file(other).display()),
+                "name a folder too, or give its number",
+            )),
+            None => Err(DatasetError::new(
+                &*self.name,
+                format!("there is no image `{name}`"),
+                format!("give its name, or its number, which is below {known}"),
+            )),
+        }
+    }
+
     /// The first frame whose stored pixels are turned before they are used; programs from outside would see them as
     /// they are stored.
     pub fn turned(&self) -> Option<&Frame> {
@@ -173,5 +203,46 @@ impl Truth {
             Self::Homography(homography) | Self::Both { homography, .. } => Some(homography),
             Self::Pose(_) => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_called_by_its_number_or_by_its_name_if_no_other_has_it() {
+        let frame = |image: &str| {
+            let camera = Camera::pinhole(1.0, 1.0, 0.0, 0.0);
+            Frame::with_pose(image, camera, Isometry3::identity())
+        };
+        let sequence = Sequence {
+            name: "office".into(),
+            frames: ["/a/day/7.png", "/a/night/7.png", "/a/night/door.jpg"]
+                .map(frame)
+                .into(),
+            pairs: Vec::new(),
+        };
+        let called = |name: &str| sequence.frame_called(name);
+        for (name, number) in [
+            ("1", 1),
+            ("door.jpg", 2),
+            ("door", 2),
+            ("day/7", 0),
+            ("/a/night/7.png", 1),
+        ] {
+            let name = name.trim_start_matches('/');
+            assert_eq!(called(name).expect(name), number, "{name}");
+        }
+        let several = called("7.png").expect_err("two images").to_string();
+        assert!(
+            several.contains("/a/day/7.png") && several.contains("/a/night/7.png"),
+            "{several}"
+        );
+        let none = called("3").expect_err("three images").to_string();
+        assert_eq!(
+            none,
+            "office: there is no image `3`; give its name, or its number, which is below 3"
+        );
     }
 }

@@ -103,6 +103,8 @@ fn unknown(entry: &dyn MatcherEntry, own: Option<&Value>) -> Option<ConfigError>
     };
     // `extractor` is there now, whether it was or not.
     let unknown = first("parameter", own, &defaults, &[REFINE]).or_else(of_part)?;
+    let parts = (of_extractor.as_object().into_iter().flatten()).map(|(name, _)| &**name);
+    let unknown = unknown.of_part(EXTRACTOR, parts.chain(SIZES));
     Some(ConfigError::new(entry.id(), unknown))
 }
 

@@ -467,6 +467,13 @@ mod tests {
         let message = message.err().unwrap().to_string();
         assert!(message.contains("did you mean `max_size`?"), "{message}");
         assert!(message.contains("contrast_threshold"), "{message}");
+        // One of the extractor is known though its part was left out.
+        for name in ["contrast_threshold", "max_size"] {
+            let message = build(find("sift").unwrap(), Some(&json!({name: 640})));
+            let message = message.err().unwrap().to_string();
+            let meant = format!("did you mean `extractor.{name}`?");
+            assert!(message.contains(&meant), "{message}");
+        }
         // What is wrong elsewhere is told as it is.
         let value = json!({"extractor": {"contrast_threshold": "x"}});
         let message = build(find("sift").unwrap(), Some(&value));

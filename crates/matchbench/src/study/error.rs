@@ -9,11 +9,14 @@ use crate::external::ManifestError;
 use crate::records::FolderError;
 use crate::run::ContenderError;
 
+/// What to do where a run file says something that cannot be.
+pub(super) const CORRECT: &str = "correct this file, docs/formats.md lists all keys";
+
 /// Why a study cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// A run file is wrong.
-    #[error("{}{}: {what}; correct this file, docs/formats.md lists all keys", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
+    #[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]
     File {
         /// The run file.
         file: PathBuf,
@@ -21,6 +24,8 @@ pub enum StudyError {
         line: Option<usize>,
         /// What is wrong.
         what: String,
+        /// What to do.
+        remedy: &'static str,
     },
     /// Something that every run needs was not given.
     #[error("no {what} is named; give {remedy}")]

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::error::CORRECT;
 use super::{Study, StudyError};
+use crate::config::with_suggestion;
 use crate::datasets::PairRule;
 use crate::external::Manifest;
 use crate::files::read_text;
@@ -27,6 +29,7 @@ impl Study {
             file: path.to_path_buf(),
             line: None,
             what: error.to_string(),
+            remedy: "check its path",
         })?;
         let mut study = Self::parse(&text, path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -42,7 +45,8 @@ impl Study {
         let wrong = |error: toml::de::Error| StudyError::File {
             file: file.to_path_buf(),
             line: error.span().map(|span| line_of(text, span.start)),
-            what: error.message().replace('\n', ", "),
+            what: with_suggestion(&error.message().replace('\n', ", ")),
+            remedy: CORRECT,
         };
         let study: Self = toml::from_str(text).map_err(wrong)?;
         let places: Places = toml::from_str(text).map_err(wrong)?;

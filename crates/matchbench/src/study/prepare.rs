@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::error::CORRECT;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
@@ -258,6 +259,7 @@ impl Study {
                 file: file.clone(),
                 line: Some(*line),
                 what: error.to_string(),
+                remedy: CORRECT,
             },
         }
     }
