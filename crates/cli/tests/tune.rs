@@ -95,6 +95,55 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
     let page = folder.path().join("run/report/index.html");
     let page = fs::read_to_string(page).expect("it was written");
     assert!(page.contains("was chosen on training"), "the report tells");
+
+    // A run that has the choice cannot grow by the scene, be joined with a run on it, or have another value.
+    let setting = parsed["setting"].as_str().expect("a setting");
+    let say = |args: &[&str]| {
+        let output = matchbench()
+            .current_dir(folder.path())
+            .args(args)
+            .output()
+            .expect("the program starts");
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        text(&output.stderr)
+    };
+    let set = [
+        "--matchers",
+        "sift",
+        "--estimator",
+        "ransac-e",
+        "--set",
+        setting,
+    ];
+    let grow = [&["run", "wall", "training", "--out", "run"], &set[..]].concat();
+    assert!(say(&grow).contains("was tuned on training"));
+    let apart = matchbench()
+        .current_dir(folder.path())
+        .args(["run", "training", "--out", "apart"])
+        .args(set)
+        .output()
+        .expect("the program starts");
+    succeeded(&apart);
+    let message = say(&["join", "run", "apart", "--out", "joined"]);
+    assert!(message.contains("was tuned on training"), "{message}");
+    assert!(!folder.path().join("joined").exists());
+    let other = [
+        "--set",
+        "ransac-e.threshold_px=5",
+        "--tuned",
+        "tuning/tuned.json",
+    ];
+    let other = [
+        &["run", "wall", "--matchers", "sift", "--out", "other"],
+        &other[..],
+    ]
+    .concat();
+    let message = say(&other);
+    assert!(
+        message.contains("tuning/tuned.json: it chose ransac-e.threshold_px=")
+            && message.contains("leave one of the two out"),
+        "{message}"
+    );
 }
 
 #[test]

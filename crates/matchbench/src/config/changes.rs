@@ -40,6 +40,20 @@ impl Changes {
         }
     }
 
+    /// Whether these changes have every value of `others`.
+    pub fn hold(&self, others: &Self) -> bool {
+        fn holds(value: Option<&Value>, other: &Value) -> bool {
+            match (value, other) {
+                (Some(Value::Object(its)), Value::Object(others)) => {
+                    (others.iter()).all(|(name, other)| holds(its.get(name), other))
+                }
+                (value, other) => value == Some(other),
+            }
+        }
+        let mut others = others.0.iter();
+        others.all(|(id, other)| holds(self.0.get(id), other))
+    }
+
     /// The changed parameters of the matcher or estimator `id`, if there are any.
     pub fn of(&self, id: &str) -> Option<&Value> {
         self.0.get(id)
@@ -104,7 +118,10 @@ mod tests {
         let one = parse(&["sift.ratio=0.7", "sift.extractor.sigma=1.2"]);
         let other = parse(&["sift.extractor.sigma=2", "orb.ratio=0.9"]);
         let both = ["sift.ratio=0.7", "sift.extractor.sigma=2", "orb.ratio=0.9"];
-        assert_eq!(one.with(other), parse(&both));
+        let together = one.clone().with(other.clone());
+        assert_eq!(together, parse(&both));
+        assert!(together.hold(&other) && together.hold(&parse(&["sift.ratio=0.7"])));
+        assert!(!together.hold(&one) && !one.hold(&other));
     }
 
     #[test]

@@ -5,18 +5,27 @@ use std::path::Path;
 use super::images::IMAGES;
 use super::manifest;
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
+use super::write::DEPTH;
 
 /// The folder of the dataset that a file is a part of: an image in it, its cameras, poses, pairs ... `file` is absolute
 /// and without links.
 pub fn dataset_of_part(file: &Path) -> Option<&Path> {
-    const PARTS: [&str; 6] = [IMAGES, POSES, CAMERA, PAIRS, HOMOGRAPHIES, manifest::FILE];
+    const PARTS: [&str; 7] = [
+        IMAGES,
+        DEPTH,
+        POSES,
+        CAMERA,
+        PAIRS,
+        HOMOGRAPHIES,
+        manifest::FILE,
+    ];
     file.ancestors().skip(1).find(|folder| {
         let part = file
             .strip_prefix(folder)
             .ok()
             .and_then(|inner| inner.iter().next());
         let is_dataset = || {
-            [PAIRS, manifest::FILE]
+            [PAIRS, HOMOGRAPHIES, manifest::FILE]
                 .iter()
                 .any(|name| folder.join(name).is_file())
         };

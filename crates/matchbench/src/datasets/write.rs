@@ -46,7 +46,7 @@ pub enum ImageStorage<'a> {
 }
 
 /// The folder of numbered depth files in a dataset.
-const DEPTH: &str = "Depth";
+pub(super) const DEPTH: &str = "Depth";
 
 impl std::fmt::Debug for ImageStorage<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

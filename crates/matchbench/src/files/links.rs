@@ -1,9 +1,51 @@
 //! Finds symbolic links in folders that may come from other people, where writing through a link would change
-//! a file somewhere else.
+//! a file somewhere else, and the place that a path leads to.
 
+use std::ffi::OsString;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf, absolute};
+
+/// Most links on the way to a file; a path with more goes round in circles.
+const MOST_LINKS: usize = 40;
+
+/// The absolute path, without links and without `..`, of what a path leads to, whether it is there or not. A folder that
+/// is not there yet counts as one: `new/../plan.json` leads to `plan.json` once somebody makes `new`.
+///
+/// # Errors
+/// If links go round in circles, or the path is empty.
+pub(crate) fn place_of(path: &Path) -> io::Result<PathBuf> {
+    let parts = |path: &Path| -> Vec<OsString> {
+        let parts = path.components().rev();
+        parts.map(|part| part.as_os_str().to_owned()).collect()
+    };
+    let mut rest = parts(&absolute(path)?);
+    let (mut place, mut links) = (PathBuf::new(), 0);
+    while let Some(part) = rest.pop() {
+        match Path::new(&part).components().next() {
+            None | Some(Component::CurDir) => {}
+            Some(Component::ParentDir) => {
+                place.pop();
+            }
+            Some(Component::RootDir | Component::Prefix(_)) => place.push(&part),
+            Some(Component::Normal(name)) => {
+                let next = place.join(name);
+                match fs::read_link(&next) {
+                    Ok(_) if links == MOST_LINKS => {
+                        let what = format!("{}: its links go round in circles", path.display());
+                        return Err(io::Error::other(what));
+                    }
+                    Ok(target) => {
+                        links += 1;
+                        rest.extend(parts(&target));
+                    }
+                    Err(_) => place = next,
+                }
+            }
+        }
+    }
+    Ok(place)
+}
 
 /// Whether there is a link at `path`, whatever it leads to.
 pub(crate) fn is_link(path: &Path) -> bool {

@@ -24,7 +24,7 @@ pub(crate) use calls::{Fault, break_calls};
 pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
-pub(crate) use links::{is_link, link_in, link_on_the_way, refuse_link, refuse_links};
+pub(crate) use links::{is_link, link_in, link_on_the_way, place_of, refuse_link, refuse_links};
 pub(crate) use names::check_name;
 pub(crate) use read::regular;
 pub(crate) use read::{LONGEST_LINE, read_lines, read_text_lines};

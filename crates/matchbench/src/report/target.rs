@@ -1,10 +1,10 @@
 //! Where reports, tables and pictures must not be written: into the run or the dataset that they are made of.
 
-use std::fs;
 use std::io;
-use std::path::{Path, PathBuf, absolute};
+use std::path::Path;
 
 use crate::datasets::dataset_of_part;
+use crate::files::place_of;
 use crate::records::run_of_part;
 
 /// Refuses a file that is, or would be, a part of a run or of a dataset. Others in their folders may be written.
@@ -12,7 +12,7 @@ use crate::records::run_of_part;
 /// # Errors
 /// If it is one; the error names what it belongs to.
 pub fn check_target(file: &Path) -> io::Result<()> {
-    let real = without_links(file)?;
+    let real = place_of(file)?;
     let run = run_of_part(&real).map(|folder| ("run", folder));
     let part = run.or_else(|| dataset_of_part(&real).map(|folder| ("dataset", folder)));
     part.map_or(Ok(()), |(what, folder)| {
@@ -24,24 +24,10 @@ pub fn check_target(file: &Path) -> io::Result<()> {
     })
 }
 
-/// The absolute path, with the links followed of the part of it that is there.
-fn without_links(file: &Path) -> io::Result<PathBuf> {
-    let file = absolute(file)?;
-    let there = file
-        .ancestors()
-        .find_map(|folder| Some((folder, fs::canonicalize(folder).ok()?)));
-    Ok(match there {
-        Some((folder, real)) => match file.strip_prefix(folder) {
-            Ok(rest) if rest.as_os_str().is_empty() => real,
-            Ok(rest) => real.join(rest),
-            Err(_) => file,
-        },
-        None => file,
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
@@ -58,11 +44,17 @@ mod tests {
         }
         fs::write(at("run/plan.json"), "{}").unwrap();
         fs::write(at("wall/pairs.txt"), "").unwrap();
+        fs::create_dir(at("plane")).unwrap();
+        fs::write(at("plane/homographies.txt"), "").unwrap();
         for (name, of) in [
             ("run/plan.json", "the run"),
             ("run/records/wall/sift+best.jsonl", "the run"),
             ("run/records/new/index.html", "the run"),
             ("run/logs/../matches/wall/sift.bin", "the run"),
+            ("run/new/../plan.json", "the run"),
+            ("new/more/../../wall/x/./../pairs.txt", "the dataset"),
+            ("wall/Depth/0.png", "the dataset"),
+            ("plane/homographies.txt", "the dataset"),
             ("wall/Images/0.png", "the dataset"),
             ("wall/pairs.txt", "the dataset"),
             ("wall/camera.txt", "the dataset"),
@@ -87,6 +79,11 @@ mod tests {
         {
             std::os::unix::fs::symlink(at("run/plan.json"), at("link")).unwrap();
             assert!(check_target(&at("link")).is_err());
+            // A link to a file that is not there yet would make it.
+            std::os::unix::fs::symlink("run/records/new", at("ahead")).unwrap();
+            assert!(check_target(&at("ahead")).is_err());
+            std::os::unix::fs::symlink("round", at("round")).unwrap();
+            assert!(check_target(&at("round")).is_err());
         }
     }
 }

@@ -225,7 +225,8 @@ impl Run<'_> {
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
         let mut plan = plan(self.datasets, self.contenders, self.settings)?;
-        refuse_tuned(self.tuned, &plan, self.datasets)?;
+        let tuned = all_tuned(self.folder, self.tuned)?;
+        refuse_tuned(&tuned, &plan, self.datasets)?;
         let part;
         let mut datasets = self.datasets;
         if let Some(shard) = self.shard {
@@ -234,8 +235,8 @@ impl Run<'_> {
         }
         let folder = RunWriter::start(self.folder, plan)?;
         self.cache.remove_leftovers();
-        if !self.tuned.is_empty() {
-            folder.note_tuned(self.tuned)?;
+        if !tuned.is_empty() {
+            folder.note_tuned(&tuned)?;
         }
         let progresses = self.progresses(datasets, &folder)?;
         let images = images(datasets, &progresses, &folder)?;
@@ -391,6 +392,20 @@ impl Run<'_> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
     }
+}
+
+/// What was tuned for the run in this folder, if there is one already, and these choices, each once.
+fn all_tuned(folder: &Path, more: &[Tuned]) -> Result<Vec<Tuned>, FolderError> {
+    let mut all = match RunFolder::is_at(folder) {
+        true => RunFolder::open(folder)?.tuned()?,
+        false => Vec::new(),
+    };
+    for tuned in more {
+        if !all.contains(tuned) {
+            all.push(tuned.clone());
+        }
+    }
+    Ok(all)
 }
 
 /// Refuses to report on datasets that something was tuned on. Their images are read only if there is a choice to check; one

@@ -64,6 +64,14 @@ pub enum StudyError {
         /// The matcher or estimator.
         id: String,
     },
+    /// A parameter that was tuned is given another value too.
+    #[error("{}: it chose {setting}, and this run gives that parameter another value too; leave one of the two out", file.display())]
+    TunedOtherwise {
+        /// The file of the tuning.
+        file: PathBuf,
+        /// What it chose.
+        setting: String,
+    },
     /// Matches of another tool cannot be read.
     #[error("matches of {name}: {error}")]
     Matches {

@@ -1,8 +1,8 @@
 //! Turns a study into what is run: opens or imports datasets, builds or starts matchers.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::slice;
 
 use serde_json::Value;
 
@@ -15,6 +15,7 @@ use crate::datasets::{
 };
 use crate::exchange::{MatchSource, ReadOptions};
 use crate::external::{Manifest, StartError};
+use crate::files::place_of;
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, RunSettings, Tuned};
@@ -147,6 +148,14 @@ impl Study {
         let run_settings = self.settings().map_err(ContenderError::from)?;
         let settings: Vec<String> = tuned.iter().map(|tuned| tuned.setting.clone()).collect();
         let changes = Changes::parse(&settings)?.with(self.set.clone());
+        for (tuned, file) in tuned.iter().zip(&self.tuned) {
+            if !changes.hold(&Changes::parse(slice::from_ref(&tuned.setting))?) {
+                return Err(StudyError::TunedOtherwise {
+                    file: file.clone(),
+                    setting: tuned.setting.clone(),
+                });
+            }
+        }
         for dataset in &datasets {
             if is_same(folder, &dataset.path) {
                 return Err(StudyError::OutIsDataset {
@@ -386,9 +395,9 @@ fn id(name: &str, changes: &Changes) -> Result<String, StudyError> {
     Ok(name.to_owned())
 }
 
-/// Whether both paths are the same existing folder.
+/// Whether both paths lead to the same place.
 fn is_same(a: &Path, b: &Path) -> bool {
-    matches!((fs::canonicalize(a), fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
+    matches!((place_of(a), place_of(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 #[cfg(test)]

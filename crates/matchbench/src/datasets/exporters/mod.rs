@@ -11,6 +11,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 
 use super::{DatasetError, Frame, Sequence, read_size};
+use crate::files::place_of;
 
 /// A layout that a dataset can be written in.
 #[derive(Debug)]
@@ -59,7 +60,8 @@ pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, 
                 format!("use one of {}", ids.join(", ")),
             )
         })?;
-    if out.exists() {
+    let place = place_of(out).map_err(|error| DatasetError::io(out, &error))?;
+    if place.exists() {
         return Err(DatasetError::new(
             out,
             "there is something already",

@@ -10,15 +10,15 @@
 
 mod plan;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::images::ImageNotes;
 use super::line::to_line;
 use super::{
-    FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError, Tuned, matches,
-    store,
+    DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
+    Tuned, matches, store,
 };
 use crate::files::{WholeFile, open_file};
 use plan::joined;
@@ -116,8 +116,12 @@ pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
     let plan = joined(&folders)?;
     let images = Images::of(&folders, &plan)?;
     let taken = taken(&folders, &plan)?;
-    let writer = RunWriter::start(out, plan)?;
     let tuned = all_tuned(&folders)?;
+    let noted = images.of_datasets(&plan);
+    tuned
+        .iter()
+        .try_for_each(|tuned| tuned.check(&plan, &noted))?;
+    let writer = RunWriter::start(out, plan)?;
     if !tuned.is_empty() {
         writer.note_tuned(&tuned)?;
     }
@@ -308,6 +312,17 @@ impl Images {
             }
         }
         Ok(Self { notes })
+    }
+
+    /// The hashes of the images of each dataset of the plan.
+    fn of_datasets(&self, plan: &Plan) -> Vec<BTreeSet<String>> {
+        let of_one = |dataset: &DatasetPlan| {
+            let its = (self.notes.iter())
+                .filter(|(name, what, _)| *name == dataset.name && *what == "image");
+            let hashes = its.flat_map(|(_, _, known)| known.values());
+            hashes.map(|hash| hash.to_hex().to_string()).collect()
+        };
+        plan.datasets.iter().map(of_one).collect()
     }
 
     fn write(&self, writer: &RunWriter) -> Result<(), FolderError> {
