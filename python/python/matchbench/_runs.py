@@ -64,10 +64,12 @@ def run(
     A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, matches from
     files, or Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
     Images are grey arrays (height x width), or RGB (height x width x 3) if it has `color = True`; the result is
-    `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. Its name in tables is `name`, or that of
-    the function or class; `params` are recorded if it has them, and so is `version`. Without one, a digest of its code,
-    its constants and, unless it has `params`, its simple attributes is its version, so a run that was begun with others
-    is refused; what the code calls elsewhere, arrays and weights are not seen.
+    `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. An ambiguity is from 0 (certain) to 1 (a
+    second candidate is as good), and 0.5 where none are returned; a tool that has confidences returns `1 - confidence`.
+    Its name in tables is `name`, or that of the function or class; `params` are recorded if it has them, and so is
+    `version`. Without one, a digest of its code, its constants and, unless it has `params`, its simple attributes is its
+    version, so a run that was begun with others is refused; what the code calls elsewhere, arrays and weights are not
+    seen.
     It may be called from several threads, one at a time unless it releases the interpreter. If it raises an exception,
     the pair failed; it is tried again when this call is repeated. `retry_failed` tries everything again that failed.
 
