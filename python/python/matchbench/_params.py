@@ -1,7 +1,10 @@
-"""Converts arguments for the compiled module, which checks them: parameters to JSON, one or several values to a list."""
+"""Converts arguments for the compiled module: parameters to JSON, one or several values to a list. The compiled module
+checks values; what has a wrong type is refused here, with the name of the argument and what it takes."""
 
 import json
 import math
+import operator
+import os
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -17,6 +20,35 @@ def several(given: Any) -> list[Any]:
     return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
 
 
+def whole(name: str, given: Any, least: int | None = None) -> int:
+    """The argument `name` as a whole number, which is not below `least`."""
+    try:
+        number = operator.index(given)
+    except TypeError:
+        raise refusal(name, given, "a whole number") from None
+    if least is not None and number < least:
+        raise ValueError(f"{name}: {number}, must be at least {least}")
+    return number
+
+
+def text(name: str, given: Any, expected: str) -> str:
+    """The argument `name` as a text, which is what is `expected`."""
+    if not isinstance(given, str):
+        raise refusal(name, given, expected)
+    return given
+
+
+def path(name: str, given: Any, expected: str = "a path") -> str:
+    """The argument `name` as a path, which is what is `expected`."""
+    plain = os.fspath(cast("os.PathLike[str]", given)) if isinstance(given, os.PathLike) else given
+    return text(name, plain, expected)
+
+
+def refusal(name: str, given: Any, expected: str) -> TypeError:
+    """The error for the argument `name` with a value of a wrong type."""
+    return TypeError(f"{name}: a value of type {type(given).__name__}; give {expected}")
+
+
 def _plain(name: str, value: Any) -> Any:
     """The value of the parameter `name`, converted to types of JSON."""
     if hasattr(value, "item") and math.prod(value.shape) == 1:
@@ -30,4 +62,4 @@ def _plain(name: str, value: Any) -> Any:
         raise ValueError(f"{name}: {value}, must be a finite number")
     if value is None or isinstance(value, (str, int, float)):
         return value
-    raise TypeError(f"{name}: a value of type {type(value).__name__}; give numbers, text, bool, None, a list or a dict")
+    raise refusal(name, value, "numbers, text, bool, None, a list or a dict")

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ._matches_from import MatchesFrom
-from ._matchers import Matcher
+from ._contenders import any_dataset, any_estimator, any_matcher, some
 from ._native import Dataset, Estimator
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import several, to_json
+from ._params import several, text, whole
 from ._progress import shown
-from ._versions import version_of
 
 _Path = str | os.PathLike[str]
 
@@ -94,24 +92,27 @@ def run(
     continues from there. A call with more datasets, matchers, estimators, pairs or repetitions than before, into the same
     folder, computes only these.
     """
-    datasets = _some("dataset", dataset, "give at least one")
-    contenders = [any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
+    datasets = some("dataset", dataset, "give at least one")
+    contenders = [any_matcher("matchers", each) for each in some("matchers", matchers, 'give at least one, as in ["sift"]')]
     own = "leave it out for those that belong to each matcher"
-    judges = [] if estimators is None else _some("estimators", estimators, own)
+    named = [] if estimators is None else some("estimators", estimators, own)
+    judges = [any_estimator("estimators", each) for each in named]
+    views = [text("protocols", each, 'a name, as in "superglue"') for each in several(protocols)]
+    changes = [text("settings", each, 'text, as in "sift.ratio=0.7"') for each in several(settings)]
     counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
     for name, count in counts.items():
-        if count is not None and count < 1:
-            raise ValueError(f"{name}: {count}, must be at least 1")
-    opened = [each if isinstance(each, Dataset) else Dataset.open(each) for each in datasets]
+        if count is not None:
+            whole(name, count, 1)
+    opened = [any_dataset("dataset", each) for each in datasets]
     with shown(progress) as bar:
         tasks, notes = native_run(
             opened,
             contenders,
             judges,
-            several(protocols),
+            views,
             out,
-            several(settings),
-            seed,
+            changes,
+            whole("seed", seed, 0),
             repeat,
             limit,
             sample,
@@ -131,7 +132,7 @@ def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
     """Makes one run, in the folder `out`, of several with other matchers, estimators or datasets, as `matchbench join` does:
     of learned matchers on a machine with a GPU, and of others elsewhere. They must have the same version, seed, pairs
     and repetitions. What is missing in it can be run by `run` into that folder."""
-    folders = [run.path if isinstance(run, Run) else run for run in _some("runs", runs, "give at least one")]
+    folders = [run.path if isinstance(run, Run) else run for run in some("runs", runs, "give at least one")]
     planned, recorded, failed = native_join(folders, out)
     return Run(Path(out), planned, recorded, 0, failed)
 
@@ -152,40 +153,3 @@ def report(
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
-
-
-def _some(name: str, given: Any, remedy: str) -> list[Any]:
-    """One or several, but not none."""
-    found = several(given)
-    if not found:
-        raise ValueError(f"{name}: an empty list; {remedy}")
-    return found
-
-
-def any_matcher(given: Any) -> Any:
-    """A matcher as the compiled module takes it."""
-    if isinstance(given, str):
-        return given
-    if isinstance(given, os.PathLike):
-        return os.fspath(given)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    if isinstance(given, type):
-        raise TypeError(f"{given.__name__} is a class; give an instance of it")
-    if isinstance(given, MatchesFrom):
-        return given.parts
-    if isinstance(given, Matcher):
-        if type(given) is not Matcher:
-            own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
-            raise TypeError(f"{own}; give an object with extract and match that uses one")
-        return given.native
-    matching = getattr(given, "match", None)
-    extract = getattr(given, "extract", None)
-    if not (callable(matching) and callable(extract)):
-        matching, extract = given, None
-    if not callable(matching):
-        raise TypeError(
-            f"a matcher is a name, a manifest's path, matcher(...), MatchesFrom(...), a function of two images or an "
-            f"object with extract and match; this is {type(given).__name__}"
-        )
-    name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
-    color = bool(getattr(given, "color", False))
-    return (str(name), version_of(given), to_json(getattr(given, "params", {})), matching, extract, color)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ._contenders import any_dataset, any_estimator, any_matcher
 from ._native import Dataset, Estimator
 from ._native import show as native_show
-from ._params import several
-from ._runs import any_matcher
+from ._params import several, text, whole
 
 _Path = str | os.PathLike[str]
 
@@ -52,9 +52,16 @@ def show(
     Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line:
     ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match are drawn too.
     """
-    opened = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
-    judges = [] if estimator is None else [estimator]
-    png, notes = native_show(opened, a, b, any_matcher(matcher), judges, several(settings), seed, keypoints)
+    png, notes = native_show(
+        any_dataset("dataset", dataset),
+        whole("a", a, 0),
+        whole("b", b, 0),
+        any_matcher("matcher", matcher),
+        [] if estimator is None else [any_estimator("estimator", estimator)],
+        [text("settings", each, 'text, as in "sift.ratio=0.7"') for each in several(settings)],
+        whole("seed", seed, 0),
+        keypoints,
+    )
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Picture(png)

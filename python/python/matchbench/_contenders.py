@@ -1,0 +1,58 @@
+"""What a run is made of: datasets, matchers and estimators as users give them, in the form that the compiled module takes."""
+
+import os
+from typing import Any
+
+from ._matchers import Matcher
+from ._matches_from import MatchesFrom
+from ._native import Dataset, Estimator
+from ._params import path, refusal, several, to_json
+from ._versions import version_of
+
+_MATCHER = (
+    "a name, a manifest's path, matcher(...), MatchesFrom(...), a function of two images or an object with extract and match"
+)
+
+
+def some(name: str, given: Any, remedy: str) -> list[Any]:
+    """One or several, but not none."""
+    found = several(given)
+    if not found:
+        raise ValueError(f"{name}: an empty list; {remedy}")
+    return found
+
+
+def any_dataset(name: str, given: Any) -> Dataset:
+    """A dataset, which is opened if it is given by the path of its folder."""
+    return given if isinstance(given, Dataset) else Dataset.open(path(name, given, "a Dataset or the path of its folder"))
+
+
+def any_estimator(name: str, given: Any) -> str | Estimator:
+    """An estimator as the compiled module takes it."""
+    if not isinstance(given, (str, Estimator)):
+        raise refusal(name, given, 'a name, as in "best", or estimator(...)')
+    return given
+
+
+def any_matcher(name: str, given: Any) -> Any:
+    """A matcher as the compiled module takes it."""
+    if isinstance(given, (str, os.PathLike)):
+        return path(name, given)
+    if isinstance(given, type):
+        raise TypeError(f"{name}: {given.__name__} is a class; give an instance of it")
+    if isinstance(given, MatchesFrom):
+        return given.parts
+    if isinstance(given, Matcher):
+        if type(given) is not Matcher:
+            own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
+            raise TypeError(f"{own}; give an object with extract and match that uses one")
+        return given.native
+    matching = getattr(given, "match", None)
+    extract = getattr(given, "extract", None)
+    if not (callable(matching) and callable(extract)):
+        matching, extract = given, None
+    if not callable(matching):
+        raise refusal(name, given, _MATCHER)
+    called = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
+    color = bool(getattr(given, "color", False))
+    return (str(called), version_of(given), to_json(getattr(given, "params", {})), matching, extract, color)
