@@ -1,5 +1,7 @@
 """Arguments of a wrong type or form are refused with the name of the argument, and what it takes."""
 
+import json
+
 import matchbench as mb
 import numpy as np
 import pytest
@@ -44,7 +46,7 @@ def test_what_a_run_is_made_of_is_named_where_it_is_wrong(dataset, tmp_path):
     refused(start(matchers=[mb.ORB]), "matchers: ORB is a class; give an instance of it")
     refused(start(estimators=[mb.matcher("orb")]), "estimators: a value of type Matcher; give a name", "estimator(...)")
     refused(start(protocols=["roma", 7]), "protocols: a value of type int; give a name")
-    refused(start(settings=[7]), 'settings: a value of type int; give text, as in "sift.ratio=0.7"')
+    refused(start(settings=[7]), 'settings: a value of type int; give text, as in ["sift.ratio=0.7"]')
     for name in ("seed", "repeat", "limit", "sample", "time_budget_ms", "threads"):
         for wrong in ("3", 1.5):
             refused(start(**{name: wrong}), f"{name}: a value of type {type(wrong).__name__}; give a whole number")
@@ -56,3 +58,47 @@ def test_what_a_run_is_made_of_is_named_where_it_is_wrong(dataset, tmp_path):
     refused(lambda: mb.show(dataset, "0", 1), "a: a value of type str; give a whole number")
     refused(lambda: mb.show(dataset, 0, 1, ["orb"]), "matcher: a value of type list; give a name")
     refused(lambda: mb.show(dataset, 0, 1, "orb", ["best"]), "estimator: a value of type list; give a name")
+
+
+def test_a_dict_is_no_list(dataset, tmp_path):
+    given = {"dataset": dataset, "matchers": "orb", "estimators": "best", "protocols": ()}
+    for name, wrong, instead in [
+        ("dataset", {str(dataset.path): None}, "give a list"),
+        ("matchers", {"orb": {"ratio": 0.5}}, 'give a list, and parameters by matcher("orb", ratio=0.5) or in settings'),
+        ("estimators", {"best": {}}, 'give a list, and parameters by estimator("best", threshold_px=1) or in settings'),
+        ("protocols", {"roma": 1}, "give a list"),
+    ]:
+        start = lambda changed={name: wrong}: mb.run(**{**given, **changed}, out=tmp_path / "run")  # noqa: E731
+        refused(start, f"{name}: a dict, whose values would be lost; {instead}")
+    refused(lambda: mb.MatchesFrom("one", {"matches.h5": 1}), "files: a dict, whose values would be lost; give a list")
+
+
+def test_several_names_in_one_text_are_no_list(dataset, tmp_path):
+    def start(data=dataset, matchers="orb", estimators=None, **options):
+        return lambda: mb.run(data, matchers, estimators, out=tmp_path / "run", progress=False, **options)
+
+    for call, words in [
+        (start(matchers="sift, orb"), "matchers: 'sift, orb' is one name; give a list: ['sift', 'orb']"),
+        (start(matchers=["brisk", "sift,orb"]), "matchers: 'sift,orb' is one name; give a list: ['sift', 'orb']"),
+        (start(estimators="best,ransac-e"), "estimators: 'best,ransac-e' is one name; give a list"),
+        (start(protocols="roma,loftr"), "protocols: 'roma,loftr' is one name; give a list"),
+        (start(f"{dataset.path},{dataset.path}"), "is one name; give a list"),
+    ]:
+        refused(call, words, kind=ValueError)
+    odd = mb.rendered_scene("cabinet", tmp_path / "a,b", frames=2, size=(32, 24))
+    assert mb.run(str(odd.path), "orb", out=tmp_path / "odd", progress=False).is_complete
+
+
+def test_settings_may_be_a_dict(dataset, tmp_path):
+    def plan(name, settings):
+        mb.run(dataset, "gms", "best", out=tmp_path / name, limit=1, settings=settings, progress=False)
+        return json.loads((tmp_path / name / "plan.json").read_text())
+
+    by_dict = {"gms.budget": "authors", "best.threshold_px": np.float32(1.5), "gms.selection.rotations": True}
+    assert plan("dict", by_dict) == plan("texts", ["gms.budget=authors", "best.threshold_px=1.5", "gms.selection.rotations=true"])
+    a, b = dataset.pairs[0].tolist()
+    pictures = [mb.show(dataset, a, b, "orb", settings=given) for given in ({"orb.ratio": 0.7}, "orb.ratio=0.7")]
+    assert pictures[0].png == pictures[1].png != mb.show(dataset, a, b, "orb").png
+    refused(lambda: plan("wrong", {7: 0.5}), "settings: a value of type int; give text")
+    refused(lambda: plan("wrong", {"orb.ratio": object()}), "orb.ratio: a value of type object; give numbers")
+    refused(lambda: plan("wrong", {"orb": 0.5}), "expected ID.NAME=VALUE", kind=ValueError)

@@ -1,25 +1,49 @@
 """What a run is made of: datasets, matchers and estimators as users give them, in the form that the compiled module takes."""
 
+import json
 import os
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, cast
 
 from ._matchers import Matcher
 from ._matches_from import MatchesFrom
 from ._native import Dataset, Estimator
-from ._params import path, refusal, several, to_json
+from ._params import path, plain, refusal, several, text, to_json
 from ._versions import version_of
 
 _MATCHER = (
     "a name, a manifest's path, matcher(...), MatchesFrom(...), a function of two images or an object with extract and match"
 )
+_LISTS = {
+    "matchers": 'give a list, and parameters by matcher("orb", ratio=0.5) or in settings',
+    "estimators": 'give a list, and parameters by estimator("best", threshold_px=1) or in settings',
+}
+
+
+def listed(name: str, given: Any) -> list[Any]:
+    """One or several. Several names in one text, as on the command line, are refused."""
+    found = several(name, given, _LISTS.get(name, "give a list"))
+    for each in found:
+        if isinstance(each, str) and "," in each and not os.path.exists(each):
+            raise ValueError(f"{name}: {each!r} is one name; give a list: {[part.strip() for part in each.split(',')]}")
+    return found
 
 
 def some(name: str, given: Any, remedy: str) -> list[Any]:
     """One or several, but not none."""
-    found = several(given)
+    found = listed(name, given)
     if not found:
         raise ValueError(f"{name}: an empty list; {remedy}")
     return found
+
+
+def changes(given: Any) -> list[str]:
+    """Settings as on the command line: one text, several, or a dict of values."""
+    expected = 'text, as in ["sift.ratio=0.7"], or a dict, as in {"sift.ratio": 0.7}'
+    if not isinstance(given, Mapping):
+        return [text("settings", each, expected) for each in several("settings", given)]
+    values = cast("Mapping[Any, Any]", given)
+    return [f"{text('settings', name, expected)}={json.dumps(plain(name, each))}" for name, each in values.items()]
 
 
 def any_dataset(name: str, given: Any) -> Dataset:

@@ -40,7 +40,7 @@ class MatchesFrom:
     def parts(self) -> tuple[Any, ...]:
         """What the compiled module takes."""
         name = text("name", self.name, "a name")
-        files = [path("files", file, "a path, or a list of paths") for file in several(self.files)]
+        files = [path("files", file, "a path, or a list of paths") for file in several("files", self.files)]
         format = None if self.format is None else text("format", self.format, "the id of a format")
         verified: Any = self.verified
         if not isinstance(verified, bool):
@@ -62,7 +62,7 @@ def _size(given: Any) -> list[int] | None:
     if given is None:
         return None
     text_of_size = re.fullmatch(r"(\d+)x(\d+)", given, re.ASCII) if isinstance(given, str) else None
-    sides = [int(side) for side in text_of_size.groups()] if text_of_size else several(given)
+    sides = [int(side) for side in text_of_size.groups()] if text_of_size else several("resized", given)
     if len(sides) != 2:
         raise ValueError(f'resized: {given!r}; give width and height, as (640, 480) or "640x480"')
     return [whole("resized", side, 1) for side in sides]

@@ -12,12 +12,31 @@ from typing import Any, cast
 def to_json(params: Mapping[str, Any]) -> str:
     """The parameters as JSON; numpy scalars become numbers."""
 
-    return json.dumps(_plain("params", params))
+    return json.dumps(plain("params", params))
 
 
-def several(given: Any) -> list[Any]:
-    """The given values as a list. A name, or any value that cannot be iterated over, is one value."""
+def several(name: str, given: Any, instead: str = "give a list") -> list[Any]:
+    """The given values of the argument `name` as a list. A text, or any value that cannot be iterated over, is one value. Of
+    a dict only the keys would be left; `instead` says what is given in its place."""
+    if isinstance(given, Mapping):
+        raise TypeError(f"{name}: a dict, whose values would be lost; {instead}")
     return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
+
+
+def plain(name: str, value: Any) -> Any:
+    """The value of the parameter `name`, converted to types of JSON."""
+    if hasattr(value, "item") and math.prod(value.shape) == 1:
+        value = value.item()
+    if isinstance(value, Mapping):
+        given = cast("Mapping[str, Any]", value)
+        return {inner: plain(inner, each) for inner, each in given.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(name, each) for each in cast("list[Any]", value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{name}: {value}, must be a finite number")
+    if value is None or isinstance(value, (str, int, float)):
+        return value
+    raise refusal(name, value, "numbers, text, bool, None, a list or a dict")
 
 
 def whole(name: str, given: Any, least: int | None = None) -> int:
@@ -40,26 +59,10 @@ def text(name: str, given: Any, expected: str) -> str:
 
 def path(name: str, given: Any, expected: str = "a path") -> str:
     """The argument `name` as a path, which is what is `expected`."""
-    plain = os.fspath(cast("os.PathLike[str]", given)) if isinstance(given, os.PathLike) else given
-    return text(name, plain, expected)
+    name_of_file = os.fspath(cast("os.PathLike[str]", given)) if isinstance(given, os.PathLike) else given
+    return text(name, name_of_file, expected)
 
 
 def refusal(name: str, given: Any, expected: str) -> TypeError:
     """The error for the argument `name` with a value of a wrong type."""
     return TypeError(f"{name}: a value of type {type(given).__name__}; give {expected}")
-
-
-def _plain(name: str, value: Any) -> Any:
-    """The value of the parameter `name`, converted to types of JSON."""
-    if hasattr(value, "item") and math.prod(value.shape) == 1:
-        value = value.item()
-    if isinstance(value, Mapping):
-        given = cast("Mapping[str, Any]", value)
-        return {inner: _plain(inner, each) for inner, each in given.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(name, each) for each in cast("list[Any]", value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f"{name}: {value}, must be a finite number")
-    if value is None or isinstance(value, (str, int, float)):
-        return value
-    raise refusal(name, value, "numbers, text, bool, None, a list or a dict")

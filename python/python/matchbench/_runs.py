@@ -2,17 +2,17 @@
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ._contenders import any_dataset, any_estimator, any_matcher, some
+from ._contenders import any_dataset, any_estimator, any_matcher, changes, listed, some
 from ._native import Dataset, Estimator
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import several, text, whole
+from ._params import text, whole
 from ._progress import shown
 
 _Path = str | os.PathLike[str]
@@ -44,7 +44,7 @@ def run(
     *,
     out: _Path,
     protocols: str | Sequence[str] = (),
-    settings: str | Sequence[str] = (),
+    settings: str | Sequence[str] | Mapping[str, Any] = (),
     seed: int = 0,
     repeat: int | None = None,
     limit: int | None = None,
@@ -74,8 +74,8 @@ def run(
     What other tools have matched is read from their files by `MatchesFrom(name, files)`.
 
     Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and a matcher
-    written in Python has "best", and so have matches from files. `settings` are as on the command line:
-    ["sift.ratio=0.7"]. In tables, matches from files come after the matchers of the library, and those written in Python
+    written in Python has "best", and so have matches from files. `settings` are as on the command line,
+    ["sift.ratio=0.7"], or a dict, {"sift.ratio": 0.7}. In tables, matches from files come after the matchers of the library, and those written in Python
     last. `progress` may be a function of (done, total, dataset, matcher).
 
     `protocols` are evaluation protocols ("superglue"; `matchbench list protocols` describes them), or "all". A protocol
@@ -97,12 +97,12 @@ def run(
     own = "leave it out for those that belong to each matcher"
     named = [] if estimators is None else some("estimators", estimators, own)
     judges = [any_estimator("estimators", each) for each in named]
-    views = [text("protocols", each, 'a name, as in "superglue"') for each in several(protocols)]
-    changes = [text("settings", each, 'text, as in "sift.ratio=0.7"') for each in several(settings)]
+    views = [text("protocols", each, 'a name, as in "superglue"') for each in listed("protocols", protocols)]
     counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
     for name, count in counts.items():
         if count is not None:
             whole(name, count, 1)
+    set_to, drawn = changes(settings), whole("seed", seed, 0)
     opened = [any_dataset("dataset", each) for each in datasets]
     with shown(progress) as bar:
         tasks, notes = native_run(
@@ -111,8 +111,8 @@ def run(
             judges,
             views,
             out,
-            changes,
-            whole("seed", seed, 0),
+            set_to,
+            drawn,
             repeat,
             limit,
             sample,

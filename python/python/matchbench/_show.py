@@ -2,15 +2,15 @@
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ._contenders import any_dataset, any_estimator, any_matcher
+from ._contenders import any_dataset, any_estimator, any_matcher, changes
 from ._native import Dataset, Estimator
 from ._native import show as native_show
-from ._params import several, text, whole
+from ._params import whole
 
 _Path = str | os.PathLike[str]
 
@@ -41,7 +41,7 @@ def show(
     matcher: Any = "sift",
     estimator: str | Estimator | None = None,
     *,
-    settings: str | Sequence[str] = (),
+    settings: str | Sequence[str] | Mapping[str, Any] = (),
     seed: int = 0,
     keypoints: bool = False,
 ) -> Picture:
@@ -49,8 +49,8 @@ def show(
     and those that do not, coloured by their distance from the true epipolar line.
 
     `matcher` is whatever `run` takes: a name, the path of a manifest, `matcher(...)`, `MatchesFrom(...)` or Python code.
-    Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line:
-    ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match are drawn too.
+    Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line,
+    ["sift.ratio=0.7"], or a dict, {"sift.ratio": 0.7}. With `keypoints`, keypoints without a match are drawn too.
     """
     png, notes = native_show(
         any_dataset("dataset", dataset),
@@ -58,7 +58,7 @@ def show(
         whole("b", b, 0),
         any_matcher("matcher", matcher),
         [] if estimator is None else [any_estimator("estimator", estimator)],
-        [text("settings", each, 'text, as in "sift.ratio=0.7"') for each in several(settings)],
+        changes(settings),
         whole("seed", seed, 0),
         keypoints,
     )
