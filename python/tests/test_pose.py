@@ -1,6 +1,5 @@
 """Pose estimation: ours, and by PoseLib's arguments and keys."""
 
-import json
 
 import matchbench as mb
 import numpy as np
@@ -100,7 +99,17 @@ def test_poselibs_function(matches, dataset):
 
 
 def test_the_least_number_of_samples_is_that_of_best():
-    assert json.loads(mb.estimator("best").params_json)["min_iterations"] == _pose._LEAST_ITERATIONS
+    assert mb.estimator("best").params["min_iterations"] == _pose._LEAST_ITERATIONS
+
+
+def test_an_estimator_is_like_a_matcher():
+    by_class, by_name = mb.Estimator("best", threshold_px=np.float32(1.5)), mb.estimator("best", threshold_px=1.5)
+    assert by_class.params == by_name.params and by_class.params["threshold_px"] == 1.5
+    assert by_class.params.keys() == mb.estimator("best").params.keys()
+    assert eval(repr(by_class), {"estimator": mb.estimator}).params == by_class.params
+    assert (mb.estimator("best").of_homographies, mb.estimator("best-h").of_homographies) == (False, True)
+    with pytest.raises(TypeError, match="positional argument"):
+        mb.Estimator("best", '{"threshold_px": 1.5}')
 
 
 def test_colmaps_origin_is_taken_off(matches, dataset):

@@ -5,9 +5,11 @@ import os
 from collections.abc import Mapping
 from typing import Any, cast
 
+from ._estimators import Estimator
 from ._matchers import Matcher
 from ._matches_from import MatchesFrom
-from ._native import Dataset, Estimator
+from ._native import Dataset
+from ._native import Estimator as NativeEstimator
 from ._params import path, plain, refusal, several, text, to_json
 from ._versions import version_of
 
@@ -51,11 +53,14 @@ def any_dataset(name: str, given: Any) -> Dataset:
     return given if isinstance(given, Dataset) else Dataset.open(path(name, given, "a Dataset or the path of its folder"))
 
 
-def any_estimator(name: str, given: Any) -> str | Estimator:
+def any_estimator(name: str, given: Any) -> str | NativeEstimator:
     """An estimator as the compiled module takes it."""
-    if not isinstance(given, (str, Estimator)):
-        raise refusal(name, given, 'a name, as in "best", or estimator(...)')
-    return given
+    if isinstance(given, Estimator):
+        if type(given) is not Estimator:
+            own = f"{type(given).__name__} is a kind of Estimator, whose own methods a run would not call"
+            raise TypeError(f"{name}: {own}; give what estimator(...) returns")
+        return given.native
+    return text(name, given, 'a name, as in "best", or estimator(...)')
 
 
 def any_matcher(name: str, given: Any) -> Any:
@@ -69,7 +74,7 @@ def any_matcher(name: str, given: Any) -> Any:
     if isinstance(given, Matcher):
         if type(given) is not Matcher:
             own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
-            raise TypeError(f"{own}; give an object with extract and match that uses one")
+            raise TypeError(f"{name}: {own}; give an object with extract and match that uses one")
         return given.native
     matching = getattr(given, "match", None)
     extract = getattr(given, "extract", None)

@@ -244,14 +244,14 @@ class HomographyEstimate:
 
 @final
 class Estimator:
-    """An estimator with its parameters; `estimator(...)` makes it."""
+    """An estimator of the library with its parameters, which are JSON; `matchbench.Estimator` is made of it."""
 
     def __new__(cls, id: str, params: str) -> Estimator: ...
     @property
     def id(self) -> str:
         """Its name in commands, records and tables."""
     @property
-    def params_json(self) -> str:
+    def params(self) -> str:
         """All parameters, as JSON."""
     @property
     def of_homographies(self) -> bool:
@@ -260,41 +260,23 @@ class Estimator:
         self,
         points_a: ArrayLike,
         points_b: ArrayLike,
-        *,
-        ambiguity: ArrayLike | None = None,
-        turns: ArrayLike | None = None,
-        seed: int = 0,
+        ambiguity: ArrayLike | None,
+        turns: ArrayLike | None,
+        seed: int,
     ) -> HomographyEstimate:
-        """The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
-        `ambiguity`, `turns` and `seed` are those of `estimate`.
-
-        Raises `NoModel` if the matches determine no homography."""
+        """The homography from image a to image b from matched points, m x 2 in pixels."""
     def estimate(
         self,
         points_a: ArrayLike,
         points_b: ArrayLike,
         camera_a: Camera,
         camera_b: Camera,
-        *,
-        ambiguity: ArrayLike | None = None,
-        turns: ArrayLike | None = None,
-        growths: ArrayLike | None = None,
-        seed: int = 0,
+        ambiguity: ArrayLike | None,
+        turns: ArrayLike | None,
+        growths: ArrayLike | None,
+        seed: int,
     ) -> PoseEstimate:
-        """The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
-        one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
-        (0, 0).
-
-        `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
-        0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
-        `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
-        An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
-        `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
-        estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1), as "adaptive" has it
-        by default; every other one refuses them.
-        With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
-
-        Raises `NoModel` if the matches determine no pose."""
+        """The relative pose of camera b from matched points, m x 2 in pixels."""
 
 @final
 class Dataset:

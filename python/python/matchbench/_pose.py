@@ -1,4 +1,4 @@
-"""Relative pose: our estimators by name, and PoseLib's function, computed by the estimator that we recommend."""
+"""Relative pose by PoseLib's function, computed by the estimator that we recommend."""
 
 import numbers
 import operator
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._native import Camera, Estimator, NoModel
-from ._params import to_json
+from ._estimators import estimator
+from ._native import Camera, NoModel
 
 _RANSAC = {
     "max_iterations": "max_iterations",
@@ -29,14 +29,6 @@ _WITHOUT_EFFECT = {
 # That of "best".
 _LEAST_ITERATIONS = 1000
 _LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
-
-
-def estimator(id: str, **params: Any) -> Estimator:
-    """The estimator with this `id` ("best" is our recommendation for poses, "best-h" for homographies;
-    `matchbench list estimators` lists all). Parameters that are not in `params` keep their defaults.
-    `estimate(points_a, points_b, camera_a, camera_b)` returns a `PoseEstimate`. An estimator of homographies has
-    `estimate_homography(points_a, points_b)` instead, which returns a `HomographyEstimate`. Both may raise `NoModel`."""
-    return Estimator(id, to_json(params))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ._contenders import any_dataset, any_estimator, any_matcher, changes, listed, some
-from ._native import Dataset, Estimator
+from ._estimators import Estimator
+from ._native import Dataset
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ._contenders import any_dataset, any_estimator, any_matcher, changes
-from ._native import Dataset, Estimator
+from ._estimators import Estimator
+from ._native import Dataset
 from ._native import show as native_show
 from ._params import whole
 
