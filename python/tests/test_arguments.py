@@ -102,3 +102,15 @@ def test_settings_may_be_a_dict(dataset, tmp_path):
     refused(lambda: plan("wrong", {7: 0.5}), "settings: a value of type int; give text")
     refused(lambda: plan("wrong", {"orb.ratio": object()}), "orb.ratio: a value of type object; give numbers")
     refused(lambda: plan("wrong", {"orb": 0.5}), "expected ID.NAME=VALUE", kind=ValueError)
+
+
+def test_a_run_has_each_matcher_and_estimator_once(dataset, tmp_path):
+    def start(matchers, estimators="best"):
+        return lambda: mb.run(dataset, matchers, estimators, out=tmp_path / "run", progress=False)
+
+    orbs = [mb.matcher("orb", ratio=ratio) for ratio in (0.7, 0.8)]
+    bests = [mb.estimator("best", threshold_px=threshold) for threshold in (1, 2)]
+    words = "two of them are `{}`, and a run has each once. For other parameters make another run", "matchbench compare"
+    for twice in (orbs, ["orb", orbs[0]], [orbs[0], "orb"], ["orb", "orb"]):
+        refused(start(twice), "matchers: " + words[0].format("orb"), words[1], kind=ValueError)
+    refused(start("orb", bests), "estimators: " + words[0].format("best"), words[1], kind=ValueError)
