@@ -114,3 +114,8 @@ def test_a_run_has_each_matcher_and_estimator_once(dataset, tmp_path):
     for twice in (orbs, ["orb", orbs[0]], [orbs[0], "orb"], ["orb", "orb"]):
         refused(start(twice), "matchers: " + words[0].format("orb"), words[1], kind=ValueError)
     refused(start("orb", bests), "estimators: " + words[0].format("best"), words[1], kind=ValueError)
+
+
+def test_a_manifest_is_given_to_a_run():
+    for path in ("./mine.toml", "mine.toml", "tools/mine"):
+        refused(lambda path=path: mb.matcher(path), f"`{path}` is the path of a manifest", "`run`", kind=ValueError)
