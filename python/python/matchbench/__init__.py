@@ -52,7 +52,7 @@ from ._native import (
 )
 from ._pose import CameraPose, estimate_relative_pose
 from ._runs import Run, join, report, run
-from ._scores import Scores, evaluate
+from ._scores import Pairs, ProtocolScores, Scores, evaluate, pairs
 from ._selectors import adalam, code, gaim, gms, kvld, repmatch
 from ._show import Picture, show
 
@@ -87,8 +87,10 @@ __all__ = [
     "NoModel",
     "ORB",
     "ORB_create",
+    "Pairs",
     "Picture",
     "PoseEstimate",
+    "ProtocolScores",
     "Run",
     "SIFT",
     "SIFT_create",
@@ -109,6 +111,7 @@ __all__ = [
     "match",
     "matcher",
     "pair_seed",
+    "pairs",
     "read_gray",
     "rendered_scene",
     "repmatch",

@@ -13,7 +13,7 @@ from ._native import Dataset
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import text, whole
+from ._params import path, text, whole
 from ._progress import shown
 
 _Path = str | os.PathLike[str]
@@ -133,7 +133,7 @@ def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
     """Makes one run, in the folder `out`, of several with other matchers, estimators or datasets, as `matchbench join` does:
     of learned matchers on a machine with a GPU, and of others elsewhere. They must have the same version, seed, pairs
     and repetitions. What is missing in it can be run by `run` into that folder."""
-    folders = [run.path if isinstance(run, Run) else run for run in some("runs", runs, "give at least one")]
+    folders = [folder_of(run, "runs") for run in some("runs", runs, "give at least one")]
     planned, recorded, failed = native_join(folders, out)
     return Run(Path(out), planned, recorded, 0, failed)
 
@@ -149,8 +149,12 @@ def report(
     `out`, or everything as the one file `bundle`. Whatever is missing in it is given as a warning."""
     if out is not None and bundle is not None:
         raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
-    folder = run.path if isinstance(run, Run) else run
-    page, notes = native_report(folder, out, bundle, pictures)
+    page, notes = native_report(folder_of(run), out, bundle, pictures)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
+
+
+def folder_of(run: Any, name: str = "run") -> Path:
+    """The folder of a run."""
+    return run.path if isinstance(run, Run) else Path(path(name, run, "a Run or the path of its folder"))
