@@ -61,6 +61,8 @@ def test_pairs_are_those_of_the_report(dataset, command_line_run, report, tmp_pa
 
     with pytest.warns(UserWarning, match="out of luck"):
         run = mb.run(wall, ["orb", broken], "best-h", out=tmp_path / "run", progress=False)
+    scores = mb.evaluate(run)
+    assert run.failed == scores["broken"].sum() == 2 and (scores["failed"] >= scores["broken"]).all()
     shutil.rmtree(wall.path)
     with pytest.warns(UserWarning, match="no baselines of mural"):
         pairs = mb.pairs(run)

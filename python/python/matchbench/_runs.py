@@ -30,7 +30,9 @@ class Run:
     now: int
     """Tasks that this call recorded."""
     failed: int
-    """Recorded tasks that failed; they count as wrong. `run` warns of the most frequent reasons."""
+    """Recorded tasks that broke, as a matcher did that raised an exception or returned what is no answer; they count as wrong.
+    `run` warns of the most frequent reasons. The column `broken` of `evaluate` counts them; its column `failed` also counts
+    pairs whose matches determine no pose."""
 
     @property
     def is_complete(self) -> bool:
