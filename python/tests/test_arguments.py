@@ -119,3 +119,19 @@ def test_a_run_has_each_matcher_and_estimator_once(dataset, tmp_path):
 def test_a_manifest_is_given_to_a_run():
     for path in ("./mine.toml", "mine.toml", "tools/mine"):
         refused(lambda path=path: mb.matcher(path), f"`{path}` is the path of a manifest", "`run`", kind=ValueError)
+
+
+def test_pictures_of_a_report_may_be_all(command_line_run, dataset, tmp_path):
+    def pages(pictures):
+        page = mb.report(command_line_run, out=tmp_path / str(pictures), pictures=pictures)
+        return len(list((page.parent / "pairs").rglob("*.html")))
+
+    assert pages("all") == len(dataset.pairs) > pages(1) == 1
+    for wrong in ("every", 1.5):
+        refused(lambda wrong=wrong: pages(wrong), 'pictures: a value of type', 'give a whole number, or "all"')
+    refused(lambda: pages(-1), "pictures: -1, must be at least 0", kind=ValueError)
+
+
+def test_pairs_of_an_import_are_a_rule(dataset, tmp_path):
+    call = lambda: mb.import_dataset("folder", dataset.path, tmp_path / "out", pairs=[(0, 1)])  # noqa: E731
+    refused(call, "pairs: a value of type list; give a rule as text", '"list:pairs.txt"')

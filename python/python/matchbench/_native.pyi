@@ -29,16 +29,16 @@ class Camera:
         fy: float,
         cx: float,
         cy: float,
-        distortion: Sequence[float] | None = None,
-        fisheye: Sequence[float] | None = None,
+        distortion: ArrayLike | None = None,
+        fisheye: ArrayLike | None = None,
         *,
         origin: str = "center",
     ) -> Camera: ...
     @staticmethod
     def from_matrix(
         matrix: ArrayLike,
-        distortion: Sequence[float] | None = None,
-        fisheye: Sequence[float] | None = None,
+        distortion: ArrayLike | None = None,
+        fisheye: ArrayLike | None = None,
         *,
         origin: str = "center",
     ) -> Camera:
@@ -59,6 +59,9 @@ class Camera:
     @property
     def cy(self) -> float:
         """y of the principal point; the centre of the first pixel is at 0."""
+    @property
+    def K(self) -> NDArray[np.float64]:
+        """The calibration matrix, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; `from_matrix` takes it back."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float] | None:
         """Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none, and of a fisheye."""

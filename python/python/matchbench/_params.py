@@ -39,13 +39,13 @@ def plain(name: str, value: Any) -> Any:
     raise refusal(name, value, "numbers, text, bool, None, a list or a dict")
 
 
-def whole(name: str, given: Any, least: int | None = None) -> int:
-    """The argument `name` as a whole number, which is not below `least`."""
+def whole(name: str, given: Any, least: int, expected: str = "a whole number") -> int:
+    """The argument `name`, which is what is `expected`, as a whole number that is not below `least`."""
     try:
         number = operator.index(given)
     except TypeError:
-        raise refusal(name, given, "a whole number") from None
-    if least is not None and number < least:
+        raise refusal(name, given, expected) from None
+    if number < least:
         raise ValueError(f"{name}: {number}, must be at least {least}")
     return number
 

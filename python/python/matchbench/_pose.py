@@ -131,7 +131,10 @@ def _camera(camera: Mapping[str, Any] | Camera, name: str, origin: str) -> Camer
         c = camera
         return Camera(c.fx, c.fy, c.cx, c.cy, c.distortion, c.fisheye, origin=origin)
     if not isinstance(camera, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise TypeError(f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}")
+        raise TypeError(
+            f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}. "
+            "Camera.from_matrix(K) makes one of a calibration matrix"
+        )
     unknown = set(camera) - {"model", "width", "height", "params"}
     if unknown or not {"model", "params"} <= set(camera):
         raise ValueError(f"{name} has the keys {sorted(camera)}; expected model, width, height and params")

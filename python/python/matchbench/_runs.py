@@ -1,6 +1,7 @@
 """Runs: every matcher and estimator on every pair, recorded as it goes, and their reports."""
 
 import os
+import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -145,13 +146,15 @@ def report(
     *,
     out: _Path | None = None,
     bundle: _Path | None = None,
-    pictures: int = 16,
+    pictures: int | Literal["all"] = 16,
 ) -> Path:
     """Writes the report of a run and returns the path of its page: `report/index.html` in the folder of the run, or in
-    `out`, or everything as the one file `bundle`. Whatever is missing in it is given as a warning."""
+    `out`, or everything as the one file `bundle`. So many pairs of each dataset have `pictures`; "all" is every pair.
+    Whatever is missing in it is given as a warning."""
     if out is not None and bundle is not None:
         raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
-    page, notes = native_report(folder_of(run), out, bundle, pictures)
+    drawn = sys.maxsize if pictures == "all" else whole("pictures", pictures, 0, 'a whole number, or "all"')
+    page, notes = native_report(folder_of(run), out, bundle, drawn)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
