@@ -337,7 +337,14 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         return Ok(Descriptors::Float(FloatRows::from_vec(dim, values)));
     }
     let Ok(bytes) = value.cast::<PyArray2<u8>>() else {
-        return Err(refused(value, "descriptors", expected));
+        let is_float = |array: &Bound<'_, PyUntypedArray>| array.dtype().kind() == b'f';
+        let remedy = match value.cast::<PyUntypedArray>() {
+            Ok(array) if is_float(array) && array.ndim() == 2 => {
+                "; convert it by descriptors.astype(numpy.float32)"
+            }
+            _ => "",
+        };
+        return Err(refused_with(value, "descriptors", expected, remedy));
     };
     let bytes = bytes.try_readonly()?;
     let width = bytes.shape()[1];

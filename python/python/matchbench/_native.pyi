@@ -89,7 +89,7 @@ class Features:
         origin: str = "center",
     ) -> Features:
         """Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
-        bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
+        bits), and width and height of the image, in which the keypoints lie. `bits` is the number of bits of a row of bytes that are used; default: all. Every
         number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
         whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints."""
     @property
