@@ -40,3 +40,12 @@ def failed(folder: str) -> list[tuple[int, int]]:
     pairs = mb.pairs(folder)
     wrong = [outcome != "pose" for outcome in pairs["outcome"]]
     return list(zip(pairs["a"][wrong].tolist(), pairs["b"][wrong].tolist(), strict=True))
+
+
+def of_cv2(folder: str, k: NDArray[np.float64], distortion: NDArray[np.float64]) -> list[str]:
+    dataset = mb.Dataset.open(folder)
+    camera = mb.Camera.from_matrix(k, distortion)
+    assert camera.K.shape == (3, 3) and (dataset.path / "pairs.txt").is_file()
+    run = mb.run(dataset, "sift", out="run", settings={"sift.ratio": 0.7})
+    mb.report(run, pictures="all")
+    return [image.stem for image in dataset.images]

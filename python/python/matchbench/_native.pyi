@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -293,10 +294,10 @@ class Dataset:
     def name(self) -> str:
         """The name of the dataset."""
     @property
-    def path(self) -> os.PathLike[str]:
+    def path(self) -> Path:
         """The folder of the dataset."""
     @property
-    def images(self) -> list[os.PathLike[str]]:
+    def images(self) -> list[Path]:
         """The image files, one for each frame."""
     @property
     def pairs(self) -> NDArray[np.int64]:
@@ -330,7 +331,7 @@ def import_dataset(
     property: str | None,
     images: str,
 ) -> list[str]: ...
-def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...
+def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> Path: ...
 def read_gray(path: _Path) -> NDArray[np.uint8]:
     """The image in a file as height x width, grey, decoded as in every command."""
 
@@ -377,7 +378,7 @@ def evaluate_under(folder: _Path, protocols: Sequence[str]) -> tuple[str, str, l
 def pairs(folder: _Path) -> tuple[str, list[str]]: ...
 def report(
     folder: _Path, out: _Path | None, bundle: _Path | None, pictures: int
-) -> tuple[os.PathLike[str], list[str]]: ...
+) -> tuple[Path, list[str]]: ...
 __version__: str
 def join(runs: Sequence[_Path], out: _Path) -> tuple[int, int, int]: ...
 def command_line(arguments: Sequence[str]) -> int: ...
