@@ -45,6 +45,9 @@ def test_what_a_run_is_made_of_is_named_where_it_is_wrong(dataset, tmp_path):
     refused(start(matchers=["orb", 7]), "matchers: a value of type int; give a name", "a function of two images")
     refused(start(matchers=[mb.ORB]), "matchers: ORB is a class; give an instance of it")
     refused(start(estimators=[mb.matcher("orb")]), "estimators: a value of type Matcher; give a name", "estimator(...)")
+    for kind, given in ((mb.Matcher, "matchers"), (mb.Estimator, "estimators")):
+        own = type("Mine", (kind,), {})({"matchers": "orb", "estimators": "best"}[given])
+        refused(start(**{given: own}), f"{given}: Mine is a kind of {kind.__name__}, whose own methods a run would not call")
     refused(start(protocols=["roma", 7]), "protocols: a value of type int; give a name")
     refused(start(settings=[7]), 'settings: a value of type int; give text, as in ["sift.ratio=0.7"]')
     for name in ("seed", "repeat", "limit", "sample", "time_budget_ms", "threads"):
