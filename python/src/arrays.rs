@@ -86,6 +86,10 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Point
     if numbers.shape() == [0] {
         return Ok(Vec::new());
     }
+    if let [_, 1, 2] = numbers.shape() {
+        let remedy = format!("; bring cv2's n x 1 x 2 to n x 2 by {name}.reshape(-1, 2)");
+        return Err(refused_with(value, name, expected, &remedy));
+    }
     let array: PyArrayLike2<'_, f64, AllowTypeChange> =
         converted(&numbers, || refused(value, name, expected))?;
     let view = array.as_array();
@@ -333,7 +337,14 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         return Ok(Descriptors::Float(FloatRows::from_vec(dim, values)));
     }
     let Ok(bytes) = value.cast::<PyArray2<u8>>() else {
-        return Err(refused(value, "descriptors", expected));
+        let is_float = |array: &Bound<'_, PyUntypedArray>| array.dtype().kind() == b'f';
+        let remedy = match value.cast::<PyUntypedArray>() {
+            Ok(array) if is_float(array) && array.ndim() == 2 => {
+                "; convert it by descriptors.astype(numpy.float32)"
+            }
+            _ => "",
+        };
+        return Err(refused_with(value, "descriptors", expected, remedy));
     };
     let bytes = bytes.try_readonly()?;
     let width = bytes.shape()[1];
@@ -408,6 +419,31 @@ pub(crate) fn few<'py, T: FromPyObjectOwned<'py>>(
     value.extract()
 }
 
+/// A few numbers in the order of an array of any shape, at most so many: cv2 has coefficients as 1 x 5 or 4 x 1.
+///
+/// # Errors
+/// If they are more, or are not numbers.
+pub(crate) fn few_numbers(value: &Bound<'_, PyAny>, name: &str, most: usize) -> PyResult<Vec<f64>> {
+    let expected = "a few numbers";
+    let too_many = |count| {
+        let what = format!("{name}: {count} values, at most {most} are expected");
+        Err(PyValueError::new_err(what))
+    };
+    // Before they are read, as in `few`.
+    match value.len() {
+        Ok(count) if count > most => return too_many(count),
+        _ => {}
+    }
+    let array = numbers(value, name, expected)?;
+    if array.len() > most {
+        return too_many(array.len());
+    }
+    let flat = array.call_method0("ravel")?;
+    let array: PyArrayLike1<'_, f64, AllowTypeChange> =
+        converted(&flat, || refused(value, name, expected))?;
+    self::flat(&array)
+}
+
 /// An empty vector with room for so many values. An array may claim any number of values
 /// (`numpy.broadcast_to`), and an allocation that fails would end the process.
 fn room<T>(count: usize) -> PyResult<Vec<T>> {
@@ -421,7 +457,15 @@ fn room<T>(count: usize) -> PyResult<Vec<T>> {
 
 /// The error that the argument `name` is not what is `expected`.
 pub(crate) fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> PyErr {
-    let message = format!("`{name}` must be {expected}; this is {}", kind_of(value));
+    refused_with(value, name, expected, "")
+}
+
+/// The same, with the `remedy` at the end of its message.
+fn refused_with(value: &Bound<'_, PyAny>, name: &str, expected: &str, remedy: &str) -> PyErr {
+    let message = format!(
+        "`{name}` must be {expected}; this is {}{remedy}",
+        kind_of(value)
+    );
     match value.cast::<PyUntypedArray>() {
         Ok(array) if matches!(array.dtype().kind(), b'f' | b'i' | b'u') => {
             PyValueError::new_err(message)
@@ -431,7 +475,7 @@ pub(crate) fn refused(value: &Bound<'_, PyAny>, name: &str, expected: &str) -> P
 }
 
 /// The type of a value, for messages.
-fn kind_of(value: &Bound<'_, PyAny>) -> String {
+pub(crate) fn kind_of(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => format!(
             "an array of {} with shape {:?}",

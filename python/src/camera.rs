@@ -3,9 +3,10 @@
 use matchbench::datasets::camera_of_model;
 use matchbench_vision::geometry::{self, Distortion, Fisheye, Lens};
 use nalgebra::Matrix3;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::arrays::{few, matrix_3x3};
+use crate::arrays::{few, few_numbers, kind_of, matrix, matrix_3x3};
 use crate::errors::value_error;
 
 /// The origin of pixel coordinates: at the centre of the first pixel, or at its corner.
@@ -49,7 +50,7 @@ const MOST_NUMBERS: usize = 16;
 /// p1, p2[, k3], as in OpenCV) or that of a `fisheye` (k1, k2, k3, k4, as in OpenCV's module of this name). `origin`
 /// says where the origin of (cx, cy) is: at the centre of the first pixel ("center": OpenCV, and everywhere here) or at
 /// its corner ("corner": COLMAP).
-#[pyclass(frozen, eq, from_py_object, module = "matchbench")]
+#[pyclass(frozen, eq, module = "matchbench")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Camera {
     pub(crate) inner: geometry::Camera,
@@ -65,24 +66,34 @@ impl Camera {
         cx: f64,
         cy: f64,
         distortion: Option<Bound<'_, PyAny>>,
-        fisheye: Option<[f64; 4]>,
+        fisheye: Option<Bound<'_, PyAny>>,
         origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
-        let distortion: Option<Vec<f64>> = (distortion.as_ref())
-            .map(|given| few(given, "distortion", MOST_NUMBERS))
-            .transpose()?;
-        let lens = match (distortion.as_deref(), fisheye) {
+        let numbers = |given: Option<Bound<'_, PyAny>>, name| {
+            given
+                .map(|given| few_numbers(&given, name, MOST_NUMBERS))
+                .transpose()
+        };
+        let distortion = numbers(distortion, "distortion")?;
+        let fisheye = numbers(fisheye, "fisheye")?;
+        let lens = match (distortion.as_deref(), fisheye.as_deref()) {
             (None, None) => None,
             (Some(&[k1, k2, p1, p2]), None) => Some(brown([k1, k2, p1, p2, 0.0])),
             (Some(&[k1, k2, p1, p2, k3]), None) => Some(brown([k1, k2, p1, p2, k3])),
-            (None, Some([k1, k2, k3, k4])) => Some(Fisheye { k1, k2, k3, k4 }.into()),
+            (None, Some(&[k1, k2, k3, k4])) => Some(Fisheye { k1, k2, k3, k4 }.into()),
             (Some(_), Some(_)) => {
                 return Err(value_error("a camera has distortion or fisheye, not both"));
             }
             (Some(other), None) => {
                 return Err(value_error(format!(
                     "distortion is (k1, k2, p1, p2) or (k1, k2, p1, p2, k3), not {} numbers",
+                    other.len()
+                )));
+            }
+            (None, Some(other)) => {
+                return Err(value_error(format!(
+                    "fisheye is (k1, k2, k3, k4), not {} numbers",
                     other.len()
                 )));
             }
@@ -96,7 +107,7 @@ impl Camera {
     fn from_matrix(
         matrix: &Bound<'_, PyAny>,
         distortion: Option<Bound<'_, PyAny>>,
-        fisheye: Option<[f64; 4]>,
+        fisheye: Option<Bound<'_, PyAny>>,
         origin: &str,
     ) -> PyResult<Self> {
         let k = matrix_3x3(matrix, "matrix")?;
@@ -141,6 +152,14 @@ impl Camera {
         self.inner.cy
     }
 
+    /// The calibration matrix, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; `from_matrix` takes it back.
+    #[getter(K)]
+    fn calibration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let geometry::Camera { fx, fy, cx, cy, .. } = self.inner;
+        let rows = vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
+        matrix(py, rows, [3, 3])
+    }
+
     /// Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none, and of a fisheye.
     #[getter]
     fn distortion(&self) -> Option<(f64, f64, f64, f64, f64)> {
@@ -177,6 +196,21 @@ impl Camera {
         let lens = self.distortion().map(|lens| format!(", {lens:?}"));
         let lens = lens.or(fisheye).unwrap_or_default();
         format!("Camera({fx}, {fy}, {cx}, {cy}{lens})")
+    }
+}
+
+/// A camera as an argument. Many have their cameras as matrices.
+impl<'py> FromPyObject<'_, 'py> for Camera {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(camera) = value.cast::<Self>() {
+            return Ok(*camera.get());
+        }
+        Err(PyTypeError::new_err(format!(
+            "a camera is a Camera, and this is {}; Camera.from_matrix(K) makes one of a calibration matrix",
+            kind_of(&value)
+        )))
     }
 }
 

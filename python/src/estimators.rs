@@ -19,8 +19,8 @@ use crate::integers::whole;
 use crate::params::parse;
 use crate::pickled::{Reduced, by_method};
 
-/// An estimator with its parameters; `estimator(...)` makes it.
-#[pyclass(frozen, module = "matchbench")]
+/// An estimator of the library with its parameters, which are JSON; `matchbench.Estimator` is made of it.
+#[pyclass(frozen, module = "matchbench._native")]
 pub(crate) struct Estimator {
     built: BuiltEstimator,
 }
@@ -83,29 +83,16 @@ impl Estimator {
 
     /// All parameters, as JSON.
     #[getter]
-    fn params_json(&self) -> String {
+    fn params(&self) -> String {
         self.built.params.to_string()
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&str, String)) {
-        (py.get_type::<Self>(), (self.id(), self.params_json()))
+        (py.get_type::<Self>(), (self.id(), self.params()))
     }
 
-    /// The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
-    /// one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
-    /// (0, 0).
-    ///
-    /// `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
-    /// 0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
-    /// `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
-    /// An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
-    /// `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
-    /// estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1), as "adaptive" has it
-    /// by default; every other one refuses them.
-    /// With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
-    ///
-    /// Raises `NoModel` if the matches determine no pose.
-    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, *, ambiguity=None, turns=None, growths=None, seed=0))]
+    /// The relative pose of camera b from matched points, m x 2 in pixels.
+    #[pyo3(signature = (points_a, points_b, camera_a, camera_b, ambiguity, turns, growths, seed))]
     fn estimate(
         &self,
         py: Python<'_>,
@@ -154,11 +141,8 @@ impl Estimator {
         matches!(self.built.estimator, Built::Homography(_))
     }
 
-    /// The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
-    /// `ambiguity`, `turns` and `seed` are those of `estimate`.
-    ///
-    /// Raises `NoModel` if the matches determine no homography.
-    #[pyo3(signature = (points_a, points_b, *, ambiguity=None, turns=None, seed=0))]
+    /// The homography from image a to image b from matched points, m x 2 in pixels.
+    #[pyo3(signature = (points_a, points_b, ambiguity, turns, seed))]
     fn estimate_homography(
         &self,
         py: Python<'_>,
@@ -182,10 +166,6 @@ impl Estimator {
             }),
             Err(none) => Err(NoModel::new_err(none.to_string())),
         }
-    }
-
-    fn __repr__(&self) -> String {
-        format!("Estimator({:?})", self.built.id)
     }
 }
 

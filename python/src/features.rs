@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use matchbench::counted::counted;
+use matchbench::external::is_inside;
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
@@ -75,6 +76,28 @@ impl Features {
     }
 }
 
+/// Width and height of an image. Many give the shape of its array.
+fn width_and_height(value: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
+    if let Ok(3) = value.len() {
+        return Err(PyValueError::new_err(
+            "image_size is (width, height), and not the shape of an image, which is (height, width, 3)",
+        ));
+    }
+    whole(value)
+}
+
+/// Refuses keypoints outside their image.
+fn check_inside(keypoints: &[Keypoint], size: Size) -> PyResult<()> {
+    let outside = |keypoint: &Keypoint| !is_inside(keypoint.at.x, keypoint.at.y, size);
+    keypoints.iter().position(outside).map_or(Ok(()), |row| {
+        Err(PyValueError::new_err(format!(
+            "`keypoints` are x, y in pixels of the image; ({}, {}) in row {row} lies outside an image of {size}. \
+             image_size is (width, height), and not shape, which is (height, width)",
+            keypoints[row].at.x, keypoints[row].at.y
+        )))
+    })
+}
+
 /// Refuses sizes that are no diameters.
 fn check_sizes(sizes: &[f32]) -> PyResult<()> {
     sizes
@@ -135,7 +158,7 @@ fn lies_at(centre: [f32; 2], at: &Point2<f64>) -> bool {
 #[pymethods]
 impl Features {
     /// Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
-    /// bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
+    /// bits), and width and height of the image, in which the keypoints lie. `bits` is the number of bits of a row of bytes that are used; default: all. Every
     /// number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
     /// whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints.
     #[staticmethod]
@@ -144,7 +167,7 @@ impl Features {
     fn from_arrays(
         keypoints: &Bound<'_, PyAny>,
         descriptors: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = whole)] image_size: (usize, usize),
+        #[pyo3(from_py_with = width_and_height)] image_size: (usize, usize),
         sizes: Option<Bound<'_, PyAny>>,
         angles: Option<Bound<'_, PyAny>>,
         responses: Option<Bound<'_, PyAny>>,
@@ -198,6 +221,7 @@ impl Features {
         // Positions that are too large for single precision.
         let finite = |k: &Keypoint| k.at.x.is_finite() && k.at.y.is_finite();
         all_finite("keypoints", keypoints.iter().map(finite))?;
+        check_inside(&keypoints, size)?;
         let mut inner = features::Features::new(size, keypoints, described);
         if let Some(lafs) = lafs {
             inner = inner.with_frames(frames_of(&lafs, &at)?);

@@ -54,7 +54,7 @@ mod native {
     #[pymodule_export]
     use crate::run::{command_line, join, pair_seed, run};
     #[pymodule_export]
-    use crate::scores::{evaluate, report};
+    use crate::scores::{evaluate, evaluate_under, pairs, report};
     #[pymodule_export]
     use crate::show::show;
 

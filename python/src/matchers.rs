@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use matchbench::counted::counted;
+use matchbench::external::Manifest;
 use matchbench::matchers::{self, BuiltMatcher};
 use matchbench::run::selection_seed;
 use matchbench_vision::features::Features as Inner;
@@ -39,6 +40,12 @@ impl Matcher {
 }
 
 fn build(id: &str, params: &Value) -> PyResult<BuiltMatcher> {
+    if Manifest::is_path(id) {
+        return Err(value_error(format!(
+            "`{id}` is the path of a manifest, whose matcher is a process that a run starts; give the path itself to \
+             `run` or `show`"
+        )));
+    }
     let entry = matchers::find(id).map_err(value_error)?;
     matchers::build(entry, Some(params)).map_err(value_error)
 }

@@ -1,70 +1,73 @@
-//! Scores of a run as columns, and the report of a run.
+//! Scores and results of a run, as the text of tables that `matchbench` writes itself; and the report of a run.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use matchbench::metrics::{SCORES, Summary, Unfinished, doubts, load_run};
+use matchbench::metrics::{ResultSet, Unfinished, doubts, load_run, under_protocols};
+use matchbench::protocols;
 use matchbench::records::RunFolder;
-use matchbench::report::{Content, ReportOptions, RunFacts, of_run, verdicts};
-use numpy::PyArray1;
+use matchbench::report::{
+    Content, Format, ReportOptions, RunFacts, content_of_run, of_run, render, render_pairs,
+    render_protocols, verdicts,
+};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
 use crate::detached::detached;
-use crate::errors::error;
+use crate::errors::{error, value_error};
 use crate::integers::whole;
 
-/// One row per dataset, matcher and estimator, as a dict of columns; sentences that say which is best; and warnings.
+/// The scores of a run as CSV, one row per dataset, matcher and estimator; sentences that say which is best; and warnings.
 #[pyfunction]
 pub(crate) fn evaluate(
     py: Python<'_>,
     folder: PathBuf,
-) -> PyResult<(Bound<'_, PyDict>, Vec<String>, Vec<String>)> {
-    let (content, warnings) = detached(py, || {
+) -> PyResult<(String, Vec<String>, Vec<String>)> {
+    detached(py, || {
+        let (_, sets, warnings) = results(&folder)?;
+        let content = Content::new(sets, RunFacts::default());
+        let table = render(Format::Csv, &content.summaries);
+        Ok((table, verdicts(&content.leads), warnings))
+    })?
+}
+
+/// The scores of a run by evaluation protocols as CSV; the same as the command prints them; and warnings.
+#[pyfunction]
+pub(crate) fn evaluate_under(
+    py: Python<'_>,
+    folder: PathBuf,
+    protocols: Vec<String>,
+) -> PyResult<(String, String, Vec<String>)> {
+    let asked = protocols::find_all(&protocols).map_err(value_error)?;
+    detached(py, || {
+        let (run, sets, warnings) = results(&folder)?;
+        let scores = under_protocols(&sets, Some(run.plan()), &asked);
+        let [table, printed] =
+            [Format::Csv, Format::Table].map(|format| render_protocols(format, &scores));
+        Ok((table, printed, warnings))
+    })?
+}
+
+/// A run, its results, and warnings: what it lacks, and which truths look wrong.
+fn results(folder: &Path) -> PyResult<(RunFolder, Vec<ResultSet>, Vec<String>)> {
+    let run = RunFolder::open(folder).map_err(error)?;
+    let sets = load_run(&run, None).map_err(error)?;
+    let unfinished = Unfinished::of(&run, &sets).map_err(error)?;
+    let mut warnings = unfinished.map_or_else(Vec::new, |lacks| lacks.sentences);
+    warnings.extend(doubts(&run, &sets).map_err(error)?);
+    Ok((run, sets, warnings))
+}
+
+/// The results of all pairs of a run as CSV, and warnings: what is missing in it, and which truths look wrong.
+#[pyfunction]
+pub(crate) fn pairs(py: Python<'_>, folder: PathBuf) -> PyResult<(String, Vec<String>)> {
+    detached(py, || {
         let run = RunFolder::open(&folder).map_err(error)?;
-        let sets = load_run(&run, None).map_err(error)?;
-        let unfinished = Unfinished::of(&run, &sets).map_err(error)?;
-        let mut warnings = unfinished.map_or_else(Vec::new, |lacks| lacks.sentences);
-        warnings.extend(doubts(&run, &sets).map_err(error)?);
-        Ok::<_, PyErr>((Content::new(sets, RunFacts::default()), warnings))
-    })??;
-    let columns = PyDict::new(py);
-    let rows = &content.summaries;
-    #[expect(clippy::type_complexity, reason = "a table")]
-    let texts: [(&str, fn(&Summary) -> &str); 3] = [
-        ("dataset", |row| &row.dataset),
-        ("matcher", |row| &row.matcher),
-        ("estimator", |row| &row.estimator),
-    ];
-    for (name, text) in texts {
-        columns.set_item(name, rows.iter().map(text).collect::<Vec<_>>())?;
-    }
-    #[expect(clippy::type_complexity, reason = "a table")]
-    let counts: [(&str, fn(&Summary) -> usize); 2] =
-        [("pairs", |row| row.pairs), ("failed", |row| row.failed)];
-    for (name, count) in counts {
-        let values: Vec<i64> = rows.iter().map(|row| count(row) as i64).collect();
-        columns.set_item(name, PyArray1::from_vec(py, values))?;
-    }
-    for kind in SCORES {
-        let scores: Vec<_> = rows.iter().map(|row| row.scores.get(kind.id)).collect();
-        let column = |value: &dyn Fn(usize) -> Option<f64>| {
-            let values = (0..scores.len()).map(|row| value(row).unwrap_or(f64::NAN));
-            PyArray1::from_vec(py, values.collect())
+        let options = ReportOptions {
+            pictures: 0,
+            ..ReportOptions::default()
         };
-        columns.set_item(kind.id, column(&|row| scores[row].value))?;
-        if kind.has_interval() {
-            let interval = |row: usize| scores[row].interval;
-            columns.set_item(
-                format!("{}_low", kind.id),
-                column(&|row| Some(interval(row)?.low)),
-            )?;
-            columns.set_item(
-                format!("{}_high", kind.id),
-                column(&|row| Some(interval(row)?.high)),
-            )?;
-        }
-    }
-    Ok((columns, verdicts(&content.leads), warnings))
+        let (content, notes) = content_of_run(&run, &options).map_err(error)?;
+        Ok((render_pairs(&content), notes))
+    })?
 }
 
 /// Writes the report of a run; returns the path of its page and what is missing in it.

@@ -57,9 +57,13 @@ pub(crate) fn add_matchers(
     let mut sources = Vec::new();
     for matcher in matchers {
         match matcher {
-            AnyMatcher::Name(name) => study.matchers.push(name),
+            AnyMatcher::Name(name) => {
+                once("matchers", &study.matchers, &name)?;
+                study.matchers.push(name);
+            }
             AnyMatcher::Native(matcher) => {
                 let built = matcher.get().built();
+                once("matchers", &study.matchers, &built.id)?;
                 change(study, &built.id, &built.params)?;
                 study.matchers.push(built.id.clone());
             }
@@ -94,13 +98,28 @@ pub(crate) fn add_matchers(
 pub(crate) fn add_estimators(study: &mut Study, estimators: &[AnyEstimator<'_>]) -> PyResult<()> {
     for estimator in estimators {
         match estimator {
-            AnyEstimator::Name(id) => study.estimators.push(id.clone()),
+            AnyEstimator::Name(id) => {
+                once("estimators", &study.estimators, id)?;
+                study.estimators.push(id.clone());
+            }
             AnyEstimator::Built(estimator) => {
                 let built = estimator.get().built();
+                once("estimators", &study.estimators, &built.id)?;
                 change(study, &built.id, &built.params)?;
                 study.estimators.push(built.id.clone());
             }
         }
+    }
+    Ok(())
+}
+
+/// Refuses a matcher or an estimator that was named before, perhaps with other parameters.
+fn once(what: &str, named: &[String], id: &str) -> PyResult<()> {
+    if named.iter().any(|other| other == id) {
+        return Err(value_error(format!(
+            "{what}: two of them are `{id}`, and a run has each once. For other parameters make another run, and compare \
+             both with the command `matchbench compare`, or the scores of `evaluate`"
+        )));
     }
     Ok(())
 }

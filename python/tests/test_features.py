@@ -284,6 +284,34 @@ def test_arrays_that_are_no_features_are_refused_in_words(keypoints, descriptors
         mb.Features.from_arrays(keypoints, descriptors, (10, 10))
 
 
+def test_keypoints_outside_their_image_are_refused(images, features):
+    height, width = images[0].shape
+    assert height < width
+    keypoints, descriptors = features[0].keypoints, features[0].descriptors
+    hint = r"outside an image of 240x320. image_size is \(width, height\), and not shape"
+    with pytest.raises(ValueError, match=hint):
+        mb.Features.from_arrays(keypoints, descriptors, images[0].shape)
+    with pytest.raises(ValueError, match=r"\(width, height\), and not the shape of an image"):
+        mb.Features.from_arrays(keypoints, descriptors, (height, width, 3))
+    for edge, inside in [((-0.5, -0.5), True), ((9.5, 4.5), True), ((-0.6, 0), False), ((0, 4.6), False)]:
+        for origin, shift in (("center", 0), ("corner", 0.5)):
+            arrays = np.array([[0, 0], edge]) + shift, np.zeros((2, 8), np.float32)
+            if inside:
+                assert len(mb.Features.from_arrays(*arrays, (10, 5), origin=origin)) == 2
+            else:
+                with pytest.raises(ValueError, match=r"in row 1 lies outside an image of 10x5"):
+                    mb.Features.from_arrays(*arrays, (10, 5), origin=origin)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float16])
+def test_descriptors_of_another_precision_are_told_how_to_be_converted(dtype):
+    descriptors = np.ones((1, 8), dtype)
+    with pytest.raises(ValueError, match="`descriptors` .*float32.*; convert it by ") as caught:
+        mb.Features.from_arrays(np.zeros((1, 2)), descriptors, (10, 10))
+    made = eval(str(caught.value).split(" by ", 1)[1], {"descriptors": descriptors, "numpy": np})
+    assert mb.Features.from_arrays(np.zeros((1, 2)), made, (10, 10)).descriptors.dtype == np.float32
+
+
 @pytest.mark.parametrize("lafs", [np.zeros((4, 2, 3)), np.zeros((3, 2, 2)), [[1, 0, 0], [0, 1, 0]]])
 def test_frames_of_another_shape_are_refused_in_words(lafs):
     with pytest.raises((ValueError, TypeError), match="`lafs` must be an array 3 x 2 x 3; this is"):

@@ -95,7 +95,8 @@ def test_matchers_and_estimators_keep_their_parameters(again, images):
     orb = mb.ORB(features=30)
     same(orb, again(orb), ["params"])
     estimator = mb.estimator("best", threshold_px=1.25)
-    same(estimator, again(estimator), ["id", "params_json"])
+    same(estimator, again(estimator), ["id", "params", "of_homographies"])
+    assert again(estimator).params["threshold_px"] == 1.25
 
 
 def test_datasets_are_opened_again(again, dataset, tmp_path):

@@ -1,6 +1,6 @@
 """Pose estimation: ours, and by PoseLib's arguments and keys."""
 
-import json
+import sys
 
 import matchbench as mb
 import numpy as np
@@ -100,7 +100,17 @@ def test_poselibs_function(matches, dataset):
 
 
 def test_the_least_number_of_samples_is_that_of_best():
-    assert json.loads(mb.estimator("best").params_json)["min_iterations"] == _pose._LEAST_ITERATIONS
+    assert mb.estimator("best").params["min_iterations"] == _pose._LEAST_ITERATIONS
+
+
+def test_an_estimator_is_like_a_matcher():
+    by_class, by_name = mb.Estimator("best", threshold_px=np.float32(1.5)), mb.estimator("best", threshold_px=1.5)
+    assert by_class.params == by_name.params and by_class.params["threshold_px"] == 1.5
+    assert by_class.params.keys() == mb.estimator("best").params.keys()
+    assert eval(repr(by_class), {"estimator": mb.estimator}).params == by_class.params
+    assert (mb.estimator("best").of_homographies, mb.estimator("best-h").of_homographies) == (False, True)
+    with pytest.raises(TypeError, match="positional argument"):
+        mb.Estimator("best", '{"threshold_px": 1.5}')
 
 
 def test_colmaps_origin_is_taken_off(matches, dataset):
@@ -148,6 +158,53 @@ def test_a_camera_by_its_matrix():
     assert mb.Camera.from_matrix(k, [0.1, 0, 0, 0]).distortion[0] == 0.1
     with pytest.raises(ValueError):
         mb.Camera.from_matrix(np.eye(3) * np.nan)
+    camera = mb.Camera(300, 301, 160, 120, origin="corner")
+    assert camera.K.dtype == np.float64 and camera.K.tolist() == [[300, 0, 159.5], [0, 301, 119.5], [0, 0, 1]]
+    assert mb.Camera.from_matrix(camera.K) == camera
+
+
+def test_distortion_in_the_shapes_of_cv2():
+    """calibrateCamera returns 1 x 5 or 5 x 1, and that of fisheye 4 x 1."""
+    bent = mb.Camera(300, 301, 160, 120, (0.1, -0.2, 0.001, 0.002, 0.3))
+    for shape in ((5,), (1, 5), (5, 1)):
+        assert mb.Camera(300, 301, 160, 120, np.reshape(bent.distortion, shape)) == bent
+        assert mb.Camera.from_matrix(bent.K, np.reshape(bent.distortion, shape)) == bent
+    assert mb.Camera(300, 301, 160, 120, [list(bent.distortion)]) == bent
+    fisheye = mb.Camera(300, 301, 160, 120, fisheye=[0.1, -0.2, 0.01, 0.02])
+    assert mb.Camera(300, 301, 160, 120, fisheye=np.array([[0.1], [-0.2], [0.01], [0.02]])) == fisheye
+    for options, words in [
+        ({"distortion": np.zeros((1, 8))}, "distortion is .* not 8 numbers"),
+        ({"distortion": np.zeros((4, 14))}, "distortion: 56 values, at most 16"),
+        ({"distortion": [range(10**6)]}, "distortion: 1000000 values, at most 16"),
+        ({"fisheye": np.zeros((1, 5))}, r"fisheye is \(k1, k2, k3, k4\), not 5 numbers"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            mb.Camera(300, 301, 160, 120, **options)
+    for wrong in (7, "abcd", ["a", 0, 0, 0]):
+        with pytest.raises((TypeError, ValueError), match="`distortion` must be a few numbers|not 1 numbers"):
+            mb.Camera(300, 301, 160, 120, wrong)
+
+
+def test_a_matrix_is_no_camera(images):
+    points, k = np.zeros((9, 2)), np.eye(3)
+    told = r"Camera.from_matrix\(K\) makes one of a calibration matrix"
+    for call, name in [
+        (lambda: mb.estimator("best").estimate(points, points, k, k), "camera_a"),
+        (lambda: mb.estimator("best").estimate(points, points, mb.Camera(1, 1, 0, 0), k), "camera_b"),
+        (lambda: mb.matcher("sift").match(*images, k, k), "camera_a"),
+        (lambda: mb.estimate_relative_pose(points, points, k, k), "camera1"),
+    ]:
+        with pytest.raises(TypeError, match=told) as caught:
+            call()
+        notes = getattr(caught.value, "__notes__", [])  # since Python 3.11
+        assert name in " ".join([str(caught.value), *notes]) or sys.version_info < (3, 11)
+
+
+def test_points_in_the_shape_of_cv2_are_told_how_to_be_reshaped():
+    points = np.zeros((9, 1, 2), np.float32)
+    camera = mb.Camera(1, 1, 0, 0)
+    with pytest.raises(ValueError, match=r"`points_a` must be .*n x 2.*\[9, 1, 2\]; .* by points_a.reshape\(-1, 2\)$"):
+        mb.estimator("best").estimate(points, points, camera, camera)
 
 
 def test_cameras_by_colmaps_names():

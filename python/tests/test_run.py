@@ -341,8 +341,6 @@ def test_wrong_runs_are_refused_in_words(dataset, tmp_path):
         for count in (0, -1):
             with pytest.raises(ValueError, match=f"^{name}: {count}, must be at least 1"):
                 start(**{name: count})
-    with pytest.raises(mb.Error, match="two of the matchers"):
-        start(["sift", mb.matcher("sift", ratio=0.7)])
     with pytest.raises(mb.Error, match="nothing"):
         mb.Dataset.open(tmp_path / "nothing")
     with pytest.raises(mb.Error, match="nothing"):

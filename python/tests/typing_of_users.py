@@ -22,3 +22,30 @@ def table(folder: str) -> mb.Scores:
     again = mb.run(folder, "sift", "best", out="run", settings="sift.ratio=0.7")
     assert again.path == run.path
     return mb.evaluate(run)
+
+
+def best_of(folder: str) -> str:
+    scores = mb.evaluate(folder)
+    mean: np.float64 = scores["auc"].mean()
+    names: list[str] = scores["matcher"]
+    assert mean > 0
+    return names[int(scores["auc"].argmax())]
+
+
+def superglue(folder: str) -> NDArray[np.float64]:
+    return mb.evaluate(folder, protocol="superglue")["exact_auc_5"]
+
+
+def failed(folder: str) -> list[tuple[int, int]]:
+    pairs = mb.pairs(folder)
+    wrong = [outcome != "pose" for outcome in pairs["outcome"]]
+    return list(zip(pairs["a"][wrong].tolist(), pairs["b"][wrong].tolist(), strict=True))
+
+
+def of_cv2(folder: str, k: NDArray[np.float64], distortion: NDArray[np.float64]) -> list[str]:
+    dataset = mb.Dataset.open(folder)
+    camera = mb.Camera.from_matrix(k, distortion)
+    assert camera.K.shape == (3, 3) and (dataset.path / "pairs.txt").is_file()
+    run = mb.run(dataset, "sift", out="run", settings={"sift.ratio": 0.7})
+    mb.report(run, pictures="all")
+    return [image.stem for image in dataset.images]

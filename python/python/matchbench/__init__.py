@@ -16,6 +16,7 @@ from ._cv2 import (
     SURF_create,
 )
 from ._datasets import import_dataset, rendered_scene
+from ._estimators import Estimator, estimator
 from ._features import (
     AKAZE,
     ASIFT,
@@ -40,7 +41,6 @@ from ._native import (
     Camera,
     Dataset,
     Error,
-    Estimator,
     Features,
     HomographyEstimate,
     Matches,
@@ -50,9 +50,9 @@ from ._native import (
     pair_seed,
     read_gray,
 )
-from ._pose import CameraPose, estimate_relative_pose, estimator
+from ._pose import CameraPose, estimate_relative_pose
 from ._runs import Run, join, report, run
-from ._scores import Scores, evaluate
+from ._scores import Pairs, ProtocolScores, Scores, evaluate, pairs
 from ._selectors import adalam, code, gaim, gms, kvld, repmatch
 from ._show import Picture, show
 
@@ -87,8 +87,10 @@ __all__ = [
     "NoModel",
     "ORB",
     "ORB_create",
+    "Pairs",
     "Picture",
     "PoseEstimate",
+    "ProtocolScores",
     "Run",
     "SIFT",
     "SIFT_create",
@@ -109,6 +111,7 @@ __all__ = [
     "match",
     "matcher",
     "pair_seed",
+    "pairs",
     "read_gray",
     "rendered_scene",
     "repmatch",

@@ -6,6 +6,7 @@ import warnings
 from ._native import Dataset
 from ._native import import_dataset as native_import
 from ._native import rendered_scene as native_scene
+from ._params import text
 
 _Path = str | os.PathLike[str]
 
@@ -29,13 +30,15 @@ def import_dataset(
 ) -> Dataset:
     """Imports the folder `source`, in the layout `kind` ("tum", "kitti", "folder" ...; `matchbench import --help`
     describes all), as the new folder `out`, and opens it. The options are those of this command; an option that the
-    kind does not have is refused. `property` says in a few words what the images show, for the report. Whatever you
-    should know about the dataset is given as a warning."""
+    kind does not have is refused. `pairs` is a rule, such as "all", "window:10", or "list:pairs.txt" for a file with a pair
+    in each line. `property` says in a few words what the images show, for the report. Whatever you should know about the
+    dataset is given as a warning."""
+    rule = None if pairs is None else text("pairs", pairs, 'a rule as text, such as "all" or "list:pairs.txt"')
     notes = native_import(
         kind,
         source,
         out,
-        pairs,
+        rule,
         sequence,
         sensor,
         camera,

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -29,16 +30,16 @@ class Camera:
         fy: float,
         cx: float,
         cy: float,
-        distortion: Sequence[float] | None = None,
-        fisheye: Sequence[float] | None = None,
+        distortion: ArrayLike | None = None,
+        fisheye: ArrayLike | None = None,
         *,
         origin: str = "center",
     ) -> Camera: ...
     @staticmethod
     def from_matrix(
         matrix: ArrayLike,
-        distortion: Sequence[float] | None = None,
-        fisheye: Sequence[float] | None = None,
+        distortion: ArrayLike | None = None,
+        fisheye: ArrayLike | None = None,
         *,
         origin: str = "center",
     ) -> Camera:
@@ -59,6 +60,9 @@ class Camera:
     @property
     def cy(self) -> float:
         """y of the principal point; the centre of the first pixel is at 0."""
+    @property
+    def K(self) -> NDArray[np.float64]:
+        """The calibration matrix, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; `from_matrix` takes it back."""
     @property
     def distortion(self) -> tuple[float, float, float, float, float] | None:
         """Lens distortion (k1, k2, p1, p2, k3), as in OpenCV; None if there is none, and of a fisheye."""
@@ -86,7 +90,7 @@ class Features:
         origin: str = "center",
     ) -> Features:
         """Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
-        bits), (width, height). `bits` is the number of bits of a row of bytes that are used; default: all. Every
+        bits), and width and height of the image, in which the keypoints lie. `bits` is the number of bits of a row of bytes that are used; default: all. Every
         number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
         whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints."""
     @property
@@ -244,14 +248,14 @@ class HomographyEstimate:
 
 @final
 class Estimator:
-    """An estimator with its parameters; `estimator(...)` makes it."""
+    """An estimator of the library with its parameters, which are JSON; `matchbench.Estimator` is made of it."""
 
     def __new__(cls, id: str, params: str) -> Estimator: ...
     @property
     def id(self) -> str:
         """Its name in commands, records and tables."""
     @property
-    def params_json(self) -> str:
+    def params(self) -> str:
         """All parameters, as JSON."""
     @property
     def of_homographies(self) -> bool:
@@ -260,41 +264,23 @@ class Estimator:
         self,
         points_a: ArrayLike,
         points_b: ArrayLike,
-        *,
-        ambiguity: ArrayLike | None = None,
-        turns: ArrayLike | None = None,
-        seed: int = 0,
+        ambiguity: ArrayLike | None,
+        turns: ArrayLike | None,
+        seed: int,
     ) -> HomographyEstimate:
-        """The homography from image a to image b: row i of `points_a` and of `points_b`, m x 2 in pixels, is one match.
-        `ambiguity`, `turns` and `seed` are those of `estimate`.
-
-        Raises `NoModel` if the matches determine no homography."""
+        """The homography from image a to image b from matched points, m x 2 in pixels."""
     def estimate(
         self,
         points_a: ArrayLike,
         points_b: ArrayLike,
         camera_a: Camera,
         camera_b: Camera,
-        *,
-        ambiguity: ArrayLike | None = None,
-        turns: ArrayLike | None = None,
-        growths: ArrayLike | None = None,
-        seed: int = 0,
+        ambiguity: ArrayLike | None,
+        turns: ArrayLike | None,
+        growths: ArrayLike | None,
+        seed: int,
     ) -> PoseEstimate:
-        """The relative pose of camera b from matched points: row i of `points_a` and of `points_b`, m x 2 in pixels, is
-        one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
-        (0, 0).
-
-        `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
-        0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
-        `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
-        An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
-        `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An
-        estimator of poses uses them, beside turns, with `hypotheses=8` (or any number above 1), as "adaptive" has it
-        by default; every other one refuses them.
-        With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
-
-        Raises `NoModel` if the matches determine no pose."""
+        """The relative pose of camera b from matched points, m x 2 in pixels."""
 
 @final
 class Dataset:
@@ -308,10 +294,10 @@ class Dataset:
     def name(self) -> str:
         """The name of the dataset."""
     @property
-    def path(self) -> os.PathLike[str]:
+    def path(self) -> Path:
         """The folder of the dataset."""
     @property
-    def images(self) -> list[os.PathLike[str]]:
+    def images(self) -> list[Path]:
         """The image files, one for each frame."""
     @property
     def pairs(self) -> NDArray[np.int64]:
@@ -345,7 +331,7 @@ def import_dataset(
     property: str | None,
     images: str,
 ) -> list[str]: ...
-def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> os.PathLike[str]: ...
+def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> Path: ...
 def read_gray(path: _Path) -> NDArray[np.uint8]:
     """The image in a file as height x width, grey, decoded as in every command."""
 
@@ -387,10 +373,12 @@ def show(
 def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
     """The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run."""
 
-def evaluate(folder: _Path) -> tuple[dict[str, list[str] | NDArray[Any]], list[str], list[str]]: ...
+def evaluate(folder: _Path) -> tuple[str, list[str], list[str]]: ...
+def evaluate_under(folder: _Path, protocols: Sequence[str]) -> tuple[str, str, list[str]]: ...
+def pairs(folder: _Path) -> tuple[str, list[str]]: ...
 def report(
     folder: _Path, out: _Path | None, bundle: _Path | None, pictures: int
-) -> tuple[os.PathLike[str], list[str]]: ...
+) -> tuple[Path, list[str]]: ...
 __version__: str
 def join(runs: Sequence[_Path], out: _Path) -> tuple[int, int, int]: ...
 def command_line(arguments: Sequence[str]) -> int: ...

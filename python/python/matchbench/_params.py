@@ -1,7 +1,10 @@
-"""Converts arguments for the compiled module, which checks them: parameters to JSON, one or several values to a list."""
+"""Converts arguments for the compiled module: parameters to JSON, one or several values to a list. The compiled module
+checks values; what has a wrong type is refused here, with the name of the argument and what it takes."""
 
 import json
 import math
+import operator
+import os
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -9,25 +12,57 @@ from typing import Any, cast
 def to_json(params: Mapping[str, Any]) -> str:
     """The parameters as JSON; numpy scalars become numbers."""
 
-    return json.dumps(_plain("params", params))
+    return json.dumps(plain("params", params))
 
 
-def several(given: Any) -> list[Any]:
-    """The given values as a list. A name, or any value that cannot be iterated over, is one value."""
+def several(name: str, given: Any, instead: str = "give a list") -> list[Any]:
+    """The given values of the argument `name` as a list. A text, or any value that cannot be iterated over, is one value. Of
+    a dict only the keys would be left; `instead` says what is given in its place."""
+    if isinstance(given, Mapping):
+        raise TypeError(f"{name}: a dict, whose values would be lost; {instead}")
     return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
 
 
-def _plain(name: str, value: Any) -> Any:
+def plain(name: str, value: Any) -> Any:
     """The value of the parameter `name`, converted to types of JSON."""
     if hasattr(value, "item") and math.prod(value.shape) == 1:
         value = value.item()
     if isinstance(value, Mapping):
         given = cast("Mapping[str, Any]", value)
-        return {inner: _plain(inner, each) for inner, each in given.items()}
+        return {inner: plain(inner, each) for inner, each in given.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(name, each) for each in cast("list[Any]", value)]
+        return [plain(name, each) for each in cast("list[Any]", value)]
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{name}: {value}, must be a finite number")
     if value is None or isinstance(value, (str, int, float)):
         return value
-    raise TypeError(f"{name}: a value of type {type(value).__name__}; give numbers, text, bool, None, a list or a dict")
+    raise refusal(name, value, "numbers, text, bool, None, a list or a dict")
+
+
+def whole(name: str, given: Any, least: int, expected: str = "a whole number") -> int:
+    """The argument `name`, which is what is `expected`, as a whole number that is not below `least`."""
+    try:
+        number = operator.index(given)
+    except TypeError:
+        raise refusal(name, given, expected) from None
+    if number < least:
+        raise ValueError(f"{name}: {number}, must be at least {least}")
+    return number
+
+
+def text(name: str, given: Any, expected: str) -> str:
+    """The argument `name` as a text, which is what is `expected`."""
+    if not isinstance(given, str):
+        raise refusal(name, given, expected)
+    return given
+
+
+def path(name: str, given: Any, expected: str = "a path") -> str:
+    """The argument `name` as a path, which is what is `expected`."""
+    name_of_file = os.fspath(cast("os.PathLike[str]", given)) if isinstance(given, os.PathLike) else given
+    return text(name, name_of_file, expected)
+
+
+def refusal(name: str, given: Any, expected: str) -> TypeError:
+    """The error for the argument `name` with a value of a wrong type."""
+    return TypeError(f"{name}: a value of type {type(given).__name__}; give {expected}")

@@ -1,4 +1,4 @@
-"""Relative pose: our estimators by name, and PoseLib's function, computed by the estimator that we recommend."""
+"""Relative pose by PoseLib's function, computed by the estimator that we recommend."""
 
 import numbers
 import operator
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._native import Camera, Estimator, NoModel
-from ._params import to_json
+from ._estimators import estimator
+from ._native import Camera, NoModel
 
 _RANSAC = {
     "max_iterations": "max_iterations",
@@ -29,14 +29,6 @@ _WITHOUT_EFFECT = {
 # That of "best".
 _LEAST_ITERATIONS = 1000
 _LOSSES = {"TRUNCATED": "truncated", "CAUCHY": "cauchy"}
-
-
-def estimator(id: str, **params: Any) -> Estimator:
-    """The estimator with this `id` ("best" is our recommendation for poses, "best-h" for homographies;
-    `matchbench list estimators` lists all). Parameters that are not in `params` keep their defaults.
-    `estimate(points_a, points_b, camera_a, camera_b)` returns a `PoseEstimate`. An estimator of homographies has
-    `estimate_homography(points_a, points_b)` instead, which returns a `HomographyEstimate`. Both may raise `NoModel`."""
-    return Estimator(id, to_json(params))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +131,10 @@ def _camera(camera: Mapping[str, Any] | Camera, name: str, origin: str) -> Camer
         c = camera
         return Camera(c.fx, c.fy, c.cx, c.cy, c.distortion, c.fisheye, origin=origin)
     if not isinstance(camera, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise TypeError(f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}")
+        raise TypeError(
+            f"{name} is a Camera or a dict with model, width, height, params; this is {type(camera).__name__}. "
+            "Camera.from_matrix(K) makes one of a calibration matrix"
+        )
     unknown = set(camera) - {"model", "width", "height", "params"}
     if unknown or not {"model", "params"} <= set(camera):
         raise ValueError(f"{name} has the keys {sorted(camera)}; expected model, width, height and params")

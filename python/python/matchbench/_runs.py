@@ -1,21 +1,21 @@
 """Runs: every matcher and estimator on every pair, recorded as it goes, and their reports."""
 
 import os
+import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ._matches_from import MatchesFrom
-from ._matchers import Matcher
-from ._native import Dataset, Estimator
+from ._contenders import any_dataset, any_estimator, any_matcher, changes, listed, some
+from ._estimators import Estimator
+from ._native import Dataset
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import several, to_json
+from ._params import path, text, whole
 from ._progress import shown
-from ._versions import version_of
 
 _Path = str | os.PathLike[str]
 
@@ -31,7 +31,9 @@ class Run:
     now: int
     """Tasks that this call recorded."""
     failed: int
-    """Recorded tasks that failed; they count as wrong. `run` warns of the most frequent reasons."""
+    """Recorded tasks that broke, as a matcher did that raised an exception or returned what is no answer; they count as wrong.
+    `run` warns of the most frequent reasons. The column `broken` of `evaluate` counts them; its column `failed` also counts
+    pairs whose matches determine no pose."""
 
     @property
     def is_complete(self) -> bool:
@@ -46,7 +48,7 @@ def run(
     *,
     out: _Path,
     protocols: str | Sequence[str] = (),
-    settings: str | Sequence[str] = (),
+    settings: str | Sequence[str] | Mapping[str, Any] = (),
     seed: int = 0,
     repeat: int | None = None,
     limit: int | None = None,
@@ -64,18 +66,20 @@ def run(
     A matcher is a name ("sift"), the path of a manifest ("./aliked.toml"), what `matcher(...)` returns, matches from
     files, or Python code: a function of two images, or an object with `extract(image)` and `match(features_a, features_b)`.
     Images are grey arrays (height x width), or RGB (height x width x 3) if it has `color = True`; the result is
-    `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. Its name in tables is `name`, or that of
-    the function or class; `params` are recorded if it has them, and so is `version`. Without one, a digest of its code,
-    its constants and, unless it has `params`, its simple attributes is its version, so a run that was begun with others
-    is refused; what the code calls elsewhere, arrays and weights are not seen.
+    `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. An ambiguity is from 0 (certain) to 1 (a
+    second candidate is as good), and 0.5 where none are returned; a tool that has confidences returns `1 - confidence`.
+    Its name in tables is `name`, or that of the function or class; `params` are recorded if it has them, and so is
+    `version`. Without one, a digest of its code, its constants and, unless it has `params`, its simple attributes is its
+    version, so a run that was begun with others is refused; what the code calls elsewhere, arrays and weights are not
+    seen.
     It may be called from several threads, one at a time unless it releases the interpreter. If it raises an exception,
     the pair failed; it is tried again when this call is repeated. `retry_failed` tries everything again that failed.
 
     What other tools have matched is read from their files by `MatchesFrom(name, files)`.
 
     Estimators are names or what `estimator(...)` returns; without any, each matcher has its own, and a matcher
-    written in Python has "best", and so have matches from files. `settings` are as on the command line:
-    ["sift.ratio=0.7"]. In tables, matches from files come after the matchers of the library, and those written in Python
+    written in Python has "best", and so have matches from files. `settings` are as on the command line,
+    ["sift.ratio=0.7"], or a dict, {"sift.ratio": 0.7}. In tables, matches from files come after the matchers of the library, and those written in Python
     last. `progress` may be a function of (done, total, dataset, matcher).
 
     `protocols` are evaluation protocols ("superglue"; `matchbench list protocols` describes them), or "all". A protocol
@@ -92,24 +96,27 @@ def run(
     continues from there. A call with more datasets, matchers, estimators, pairs or repetitions than before, into the same
     folder, computes only these.
     """
-    datasets = _some("dataset", dataset, "give at least one")
-    contenders = [any_matcher(each) for each in _some("matchers", matchers, 'give at least one, as in ["sift"]')]
+    datasets = some("dataset", dataset, "give at least one")
+    contenders = [any_matcher("matchers", each) for each in some("matchers", matchers, 'give at least one, as in ["sift"]')]
     own = "leave it out for those that belong to each matcher"
-    judges = [] if estimators is None else _some("estimators", estimators, own)
+    named = [] if estimators is None else some("estimators", estimators, own)
+    judges = [any_estimator("estimators", each) for each in named]
+    views = [text("protocols", each, 'a name, as in "superglue"') for each in listed("protocols", protocols)]
     counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
     for name, count in counts.items():
-        if count is not None and count < 1:
-            raise ValueError(f"{name}: {count}, must be at least 1")
-    opened = [each if isinstance(each, Dataset) else Dataset.open(each) for each in datasets]
+        if count is not None:
+            whole(name, count, 1)
+    set_to, drawn = changes(settings), whole("seed", seed, 0)
+    opened = [any_dataset("dataset", each) for each in datasets]
     with shown(progress) as bar:
         tasks, notes = native_run(
             opened,
             contenders,
             judges,
-            several(protocols),
+            views,
             out,
-            several(settings),
-            seed,
+            set_to,
+            drawn,
             repeat,
             limit,
             sample,
@@ -129,7 +136,7 @@ def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
     """Makes one run, in the folder `out`, of several with other matchers, estimators or datasets, as `matchbench join` does:
     of learned matchers on a machine with a GPU, and of others elsewhere. They must have the same version, seed, pairs
     and repetitions. What is missing in it can be run by `run` into that folder."""
-    folders = [run.path if isinstance(run, Run) else run for run in _some("runs", runs, "give at least one")]
+    folders = [folder_of(run, "runs") for run in some("runs", runs, "give at least one")]
     planned, recorded, failed = native_join(folders, out)
     return Run(Path(out), planned, recorded, 0, failed)
 
@@ -139,51 +146,20 @@ def report(
     *,
     out: _Path | None = None,
     bundle: _Path | None = None,
-    pictures: int = 16,
+    pictures: int | Literal["all"] = 16,
 ) -> Path:
     """Writes the report of a run and returns the path of its page: `report/index.html` in the folder of the run, or in
-    `out`, or everything as the one file `bundle`. Whatever is missing in it is given as a warning."""
+    `out`, or everything as the one file `bundle`. So many pairs of each dataset have `pictures`; "all" is every pair.
+    Whatever is missing in it is given as a warning."""
     if out is not None and bundle is not None:
         raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
-    folder = run.path if isinstance(run, Run) else run
-    page, notes = native_report(folder, out, bundle, pictures)
+    drawn = sys.maxsize if pictures == "all" else whole("pictures", pictures, 0, 'a whole number, or "all"')
+    page, notes = native_report(folder_of(run), out, bundle, drawn)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
 
 
-def _some(name: str, given: Any, remedy: str) -> list[Any]:
-    """One or several, but not none."""
-    found = several(given)
-    if not found:
-        raise ValueError(f"{name}: an empty list; {remedy}")
-    return found
-
-
-def any_matcher(given: Any) -> Any:
-    """A matcher as the compiled module takes it."""
-    if isinstance(given, str):
-        return given
-    if isinstance(given, os.PathLike):
-        return os.fspath(given)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
-    if isinstance(given, type):
-        raise TypeError(f"{given.__name__} is a class; give an instance of it")
-    if isinstance(given, MatchesFrom):
-        return given.parts
-    if isinstance(given, Matcher):
-        if type(given) is not Matcher:
-            own = f"{type(given).__name__} is a kind of Matcher, whose own methods a run would not call"
-            raise TypeError(f"{own}; give an object with extract and match that uses one")
-        return given.native
-    matching = getattr(given, "match", None)
-    extract = getattr(given, "extract", None)
-    if not (callable(matching) and callable(extract)):
-        matching, extract = given, None
-    if not callable(matching):
-        raise TypeError(
-            f"a matcher is a name, a manifest's path, matcher(...), MatchesFrom(...), a function of two images or an "
-            f"object with extract and match; this is {type(given).__name__}"
-        )
-    name = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
-    color = bool(getattr(given, "color", False))
-    return (str(name), version_of(given), to_json(getattr(given, "params", {})), matching, extract, color)
+def folder_of(run: Any, name: str = "run") -> Path:
+    """The folder of a run."""
+    return run.path if isinstance(run, Run) else Path(path(name, run, "a Run or the path of its folder"))

@@ -1,37 +1,33 @@
-"""Scores of a run as a table: a dict of columns, which can be converted to a data frame."""
+"""Scores of a run and results of its pairs, as tables."""
 
-import importlib
 import os
 import warnings
+from collections.abc import Sequence
 from html import escape
-from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ._contenders import listed
 from ._native import evaluate as native_evaluate
-from ._runs import Run
+from ._native import evaluate_under as native_evaluate_under
+from ._native import pairs as native_pairs
+from ._params import text
+from ._runs import Run, folder_of
+from ._tables import Table
 
+_Run = Run | str | os.PathLike[str]
 _ROW = ("dataset", "matcher", "estimator", "pairs", "failed")
 _OF_POSES = ("auc", "sp5", "rotation_auc", "translation_auc", "ap5")
 _OF_HOMOGRAPHIES = ("auc_h1", "auc_h3", "auc_h5", "mma3")
 
 
-class Scores(dict[str, "list[str] | NDArray[Any]"]):
-    """One row per dataset, matcher and estimator. Columns are names (lists) and numbers (arrays): every score of the
-    report, and the ends `_low` and `_high` of its 95 % interval if it has one. `verdicts` says in sentences which
-    method is best on each dataset, and whether that is significant."""
+class Scores(Table):
+    """One row per dataset, matcher and estimator. The columns are those of `tables/scores.csv` of the report: every score, and
+    the ends `_low` and `_high` of its 95 % interval if it has one; curves, failures by their reasons, and times. `verdicts`
+    says in sentences which method is best on each dataset, and whether that is significant."""
 
     verdicts: list[str]
-
-    def to_pandas(self) -> Any:
-        """As a pandas.DataFrame."""
-        return _module("pandas").DataFrame(dict(self))
-
-    def to_polars(self) -> Any:
-        """As a polars.DataFrame."""
-        return _module("polars").DataFrame(dict(self))
 
     def shown(self) -> list[str]:
         """The names of the most important columns: those of poses, of homographies, or both, if any row has them."""
@@ -57,22 +53,55 @@ class Scores(dict[str, "list[str] | NDArray[Any]"]):
         return f"<table>{''.join(rows)}</table><p>{'<br>'.join(map(escape, self.verdicts))}</p>"
 
 
-def evaluate(run: Run | str | os.PathLike[str]) -> Scores:
-    """The scores of a run, from its folder. It warns if the run is not finished, or if the truth of a dataset looks wrong."""
-    columns, verdicts, doubts = native_evaluate(run.path if isinstance(run, Run) else Path(run))
+class ProtocolScores(Table):
+    """One row per dataset, matcher, estimator and protocol; of several datasets the mean comes last. The columns are those of
+    `matchbench eval --protocol` as CSV: each score of a protocol, the ends `_low` and `_high` of its 95 % interval and its
+    `_deviation` over repetitions, and what the run did `otherwise` than the protocol asks. As text it is what that command
+    prints, with the meaning of the scores."""
+
+    printed: str
+
+    def __str__(self) -> str:
+        return self.printed.rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+class Pairs(Table):
+    """One row per pair, repetition, matcher and estimator. The columns are those of `tables/pairs.csv` of the report: the frames
+    `a` and `b`, how they lie to each other, errors in degrees or pixels, counts of matches, and the `outcome` in words."""
+
+
+@overload
+def evaluate(run: _Run, *, protocol: None = None) -> Scores: ...
+@overload
+def evaluate(run: _Run, *, protocol: str | Sequence[str]) -> ProtocolScores: ...
+def evaluate(run: _Run, *, protocol: str | Sequence[str] | None = None) -> Scores | ProtocolScores:
+    """The scores of a run, from its folder; with a `protocol` ("superglue", several, or "all"), those of that protocol. It
+    warns if the run is not finished, or if the truth of a dataset looks wrong."""
+    if protocol is None:
+        table, verdicts, doubts = native_evaluate(folder_of(run))
+        scores = Scores.of_csv(table)
+        scores.verdicts = verdicts
+    else:
+        asked = [text("protocol", each, 'a name, as in "superglue"') for each in listed("protocol", protocol)]
+        table, printed, doubts = native_evaluate_under(folder_of(run), asked)
+        scores = ProtocolScores.of_csv(table)
+        scores.printed = printed
     for doubt in doubts:
         warnings.warn(doubt, stacklevel=2)
-    scores = Scores(columns)
-    scores.verdicts = verdicts
     return scores
+
+
+def pairs(run: _Run) -> Pairs:
+    """The results of a run pair by pair, from its folder. It warns of what is missing, as `report` does."""
+    table, notes = native_pairs(folder_of(run))
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    return Pairs.of_csv(table)
 
 
 def _text(value: Any) -> str:
     return f"{value:.3f}" if isinstance(value, (float, np.floating)) else str(value)
 
-
-def _module(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(f"{name} is not installed; `pip install {name}`, or use the columns as they are") from error

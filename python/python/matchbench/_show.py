@@ -2,15 +2,16 @@
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ._native import Dataset, Estimator
+from ._contenders import any_dataset, any_estimator, any_matcher, changes
+from ._estimators import Estimator
+from ._native import Dataset
 from ._native import show as native_show
-from ._params import several
-from ._runs import any_matcher
+from ._params import whole
 
 _Path = str | os.PathLike[str]
 
@@ -41,7 +42,7 @@ def show(
     matcher: Any = "sift",
     estimator: str | Estimator | None = None,
     *,
-    settings: str | Sequence[str] = (),
+    settings: str | Sequence[str] | Mapping[str, Any] = (),
     seed: int = 0,
     keypoints: bool = False,
 ) -> Picture:
@@ -49,12 +50,19 @@ def show(
     and those that do not, coloured by their distance from the true epipolar line.
 
     `matcher` is whatever `run` takes: a name, the path of a manifest, `matcher(...)`, `MatchesFrom(...)` or Python code.
-    Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line:
-    ["sift.ratio=0.7"], or one string. With `keypoints`, keypoints without a match are drawn too.
+    Without an `estimator`, the one that belongs to the matcher is used. `settings` are as on the command line,
+    ["sift.ratio=0.7"], or a dict, {"sift.ratio": 0.7}. With `keypoints`, keypoints without a match are drawn too.
     """
-    opened = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
-    judges = [] if estimator is None else [estimator]
-    png, notes = native_show(opened, a, b, any_matcher(matcher), judges, several(settings), seed, keypoints)
+    png, notes = native_show(
+        any_dataset("dataset", dataset),
+        whole("a", a, 0),
+        whole("b", b, 0),
+        any_matcher("matcher", matcher),
+        [] if estimator is None else [any_estimator("estimator", estimator)],
+        changes(settings),
+        whole("seed", seed, 0),
+        keypoints,
+    )
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Picture(png)

@@ -77,6 +77,7 @@ pub use pair_view::{
     evenly, match_views,
 };
 pub use pair_words::sentence;
+pub use pairs_csv::render_pairs;
 pub use paper::{PaperTimes, check_paper_folder, write_paper};
 pub use picture::{picture_png, picture_svg};
 pub use pictures::view;

@@ -1,7 +1,13 @@
 //! Every result of every pair as comma-separated values, full precision; angles in degrees.
 
+use super::content::Content;
 use super::csv::{UNKNOWN, field, number};
-use super::pair_table::{Column, Values};
+use super::pair_table::{Column, Values, columns};
+
+/// Every result of every pair as CSV, as `tables/pairs.csv` of a report has them.
+pub fn render_pairs(content: &Content) -> String {
+    render(&columns(content))
+}
 
 /// A header line and one line per row.
 pub(super) fn render(columns: &[Column<'_>]) -> String {

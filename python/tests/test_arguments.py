@@ -1,0 +1,140 @@
+"""Arguments of a wrong type or form are refused with the name of the argument, and what it takes."""
+
+import json
+
+import matchbench as mb
+import numpy as np
+import pytest
+
+
+def refused(call, *words, kind=TypeError):
+    """The call is refused in one line with all of these words."""
+    with pytest.raises(kind) as caught:
+        call()
+    told = str(caught.value)
+    assert all(word in told for word in words) and "\n" not in told, told
+
+
+def test_matches_from_files_are_checked_where_they_are_described():
+    def made(**options):
+        return mb.MatchesFrom("lightglue", "matches.h5", **options)
+
+    assert made(resized="640x480").parts == made(resized=(640, 480)).parts == made(resized=np.array([640, 480])).parts
+    assert made(pixel_center=np.float32(0.5)).parts == made(pixel_center=0.5).parts
+    assert made(notes={"v": 1, "threshold": 0.5}).parts[-1] == {"v": "1", "threshold": "0.5"}
+    assert mb.MatchesFrom("one", ["a.h5", "b.h5"]).parts[1] == ["a.h5", "b.h5"]
+    for size in ("640 x 480", "640", "640x-480", (640,), (640, 480, 3), 640):
+        refused(lambda size=size: made(resized=size), "resized: ", '(640, 480) or "640x480"', kind=ValueError)
+    refused(lambda: made(resized=(640, 480.5)), "resized: a value of type float; give a whole number")
+    refused(lambda: made(resized="0x480"), "resized: 0, must be at least 1", kind=ValueError)
+    for center in ("corner", 1, 0.25, float("nan")):
+        refused(lambda center=center: made(pixel_center=center), "pixel_center: ", "give 0 ", "0.5", kind=ValueError)
+    refused(lambda: made(notes=["v"]), "notes: a value of type list; give a dict")
+    refused(lambda: made(notes={1: "v"}), "notes: a value of type int; give names")
+    refused(lambda: made(format=7), "format: a value of type int")
+    refused(lambda: made(verified="no"), "verified: a value of type str; give True or False")
+    refused(lambda: mb.MatchesFrom("one", [7]), "files: a value of type int; give a path")
+    refused(lambda: mb.MatchesFrom(7, "matches.h5"), "name: a value of type int; give a name")
+
+
+def test_what_a_run_is_made_of_is_named_where_it_is_wrong(dataset, tmp_path):
+    def start(data=dataset, matchers="orb", estimators="best", **options):
+        return lambda: mb.run(data, matchers, estimators, out=tmp_path / "run", progress=False, **options)
+
+    refused(start([dataset, 7]), "dataset: a value of type int; give a Dataset or the path of its folder")
+    refused(start(matchers=["orb", 7]), "matchers: a value of type int; give a name", "a function of two images")
+    refused(start(matchers=[mb.ORB]), "matchers: ORB is a class; give an instance of it")
+    refused(start(estimators=[mb.matcher("orb")]), "estimators: a value of type Matcher; give a name", "estimator(...)")
+    for kind, given in ((mb.Matcher, "matchers"), (mb.Estimator, "estimators")):
+        own = type("Mine", (kind,), {})({"matchers": "orb", "estimators": "best"}[given])
+        refused(start(**{given: own}), f"{given}: Mine is a kind of {kind.__name__}, whose own methods a run would not call")
+    refused(start(protocols=["roma", 7]), "protocols: a value of type int; give a name")
+    refused(start(settings=[7]), 'settings: a value of type int; give text, as in ["sift.ratio=0.7"]')
+    for name in ("seed", "repeat", "limit", "sample", "time_budget_ms", "threads"):
+        for wrong in ("3", 1.5):
+            refused(start(**{name: wrong}), f"{name}: a value of type {type(wrong).__name__}; give a whole number")
+    refused(start(seed=-1), "seed: -1, must be at least 0", kind=ValueError)
+    assert not (tmp_path / "run").exists()
+    assert mb.run(str(dataset.path), "orb", out=tmp_path / "run", limit=np.int64(1), progress=False).total == 1
+
+    refused(lambda: mb.show(7, 0, 1), "dataset: a value of type int")
+    refused(lambda: mb.show(dataset, "0", 1), "a: a value of type str; give a whole number")
+    refused(lambda: mb.show(dataset, 0, 1, ["orb"]), "matcher: a value of type list; give a name")
+    refused(lambda: mb.show(dataset, 0, 1, "orb", ["best"]), "estimator: a value of type list; give a name")
+
+
+def test_a_dict_is_no_list(dataset, tmp_path):
+    given = {"dataset": dataset, "matchers": "orb", "estimators": "best", "protocols": ()}
+    for name, wrong, instead in [
+        ("dataset", {str(dataset.path): None}, "give a list"),
+        ("matchers", {"orb": {"ratio": 0.5}}, 'give a list, and parameters by matcher("orb", ratio=0.5) or in settings'),
+        ("estimators", {"best": {}}, 'give a list, and parameters by estimator("best", threshold_px=1) or in settings'),
+        ("protocols", {"roma": 1}, "give a list"),
+    ]:
+        start = lambda changed={name: wrong}: mb.run(**{**given, **changed}, out=tmp_path / "run")  # noqa: E731
+        refused(start, f"{name}: a dict, whose values would be lost; {instead}")
+    refused(lambda: mb.MatchesFrom("one", {"matches.h5": 1}), "files: a dict, whose values would be lost; give a list")
+
+
+def test_several_names_in_one_text_are_no_list(dataset, tmp_path):
+    def start(data=dataset, matchers="orb", estimators=None, **options):
+        return lambda: mb.run(data, matchers, estimators, out=tmp_path / "run", progress=False, **options)
+
+    for call, words in [
+        (start(matchers="sift, orb"), "matchers: 'sift, orb' is one name; give a list: ['sift', 'orb']"),
+        (start(matchers=["brisk", "sift,orb"]), "matchers: 'sift,orb' is one name; give a list: ['sift', 'orb']"),
+        (start(estimators="best,ransac-e"), "estimators: 'best,ransac-e' is one name; give a list"),
+        (start(protocols="roma,loftr"), "protocols: 'roma,loftr' is one name; give a list"),
+        (start(f"{dataset.path},{dataset.path}"), "is one name; give a list"),
+    ]:
+        refused(call, words, kind=ValueError)
+    odd = mb.rendered_scene("cabinet", tmp_path / "a,b", frames=2, size=(32, 24))
+    assert mb.run(str(odd.path), "orb", out=tmp_path / "odd", progress=False).is_complete
+
+
+def test_settings_may_be_a_dict(dataset, tmp_path):
+    def plan(name, settings):
+        mb.run(dataset, "gms", "best", out=tmp_path / name, limit=1, settings=settings, progress=False)
+        return json.loads((tmp_path / name / "plan.json").read_text())
+
+    by_dict = {"gms.budget": "authors", "best.threshold_px": np.float32(1.5), "gms.selection.rotations": True}
+    assert plan("dict", by_dict) == plan("texts", ["gms.budget=authors", "best.threshold_px=1.5", "gms.selection.rotations=true"])
+    a, b = dataset.pairs[0].tolist()
+    pictures = [mb.show(dataset, a, b, "orb", settings=given) for given in ({"orb.ratio": 0.7}, "orb.ratio=0.7")]
+    assert pictures[0].png == pictures[1].png != mb.show(dataset, a, b, "orb").png
+    refused(lambda: plan("wrong", {7: 0.5}), "settings: a value of type int; give text")
+    refused(lambda: plan("wrong", {"orb.ratio": object()}), "orb.ratio: a value of type object; give numbers")
+    refused(lambda: plan("wrong", {"orb": 0.5}), "expected ID.NAME=VALUE", kind=ValueError)
+
+
+def test_a_run_has_each_matcher_and_estimator_once(dataset, tmp_path):
+    def start(matchers, estimators="best"):
+        return lambda: mb.run(dataset, matchers, estimators, out=tmp_path / "run", progress=False)
+
+    orbs = [mb.matcher("orb", ratio=ratio) for ratio in (0.7, 0.8)]
+    bests = [mb.estimator("best", threshold_px=threshold) for threshold in (1, 2)]
+    words = "two of them are `{}`, and a run has each once. For other parameters make another run", "matchbench compare"
+    for twice in (orbs, ["orb", orbs[0]], [orbs[0], "orb"], ["orb", "orb"]):
+        refused(start(twice), "matchers: " + words[0].format("orb"), words[1], kind=ValueError)
+    refused(start("orb", bests), "estimators: " + words[0].format("best"), words[1], kind=ValueError)
+
+
+def test_a_manifest_is_given_to_a_run():
+    for path in ("./mine.toml", "mine.toml", "tools/mine"):
+        refused(lambda path=path: mb.matcher(path), f"`{path}` is the path of a manifest", "`run`", kind=ValueError)
+
+
+def test_pictures_of_a_report_may_be_all(command_line_run, dataset, tmp_path):
+    def pages(pictures):
+        page = mb.report(command_line_run, out=tmp_path / str(pictures), pictures=pictures)
+        return len(list((page.parent / "pairs").rglob("*.html")))
+
+    assert pages("all") == len(dataset.pairs) > pages(1) == 1
+    for wrong in ("every", 1.5):
+        refused(lambda wrong=wrong: pages(wrong), 'pictures: a value of type', 'give a whole number, or "all"')
+    refused(lambda: pages(-1), "pictures: -1, must be at least 0", kind=ValueError)
+
+
+def test_pairs_of_an_import_are_a_rule(dataset, tmp_path):
+    call = lambda: mb.import_dataset("folder", dataset.path, tmp_path / "out", pairs=[(0, 1)])  # noqa: E731
+    refused(call, "pairs: a value of type list; give a rule as text", '"list:pairs.txt"')
