@@ -168,6 +168,27 @@ settings! {
     one_side: bool = true,
 }
 
+/// Where a setting acts, as in the table above.
+fn acts_where(name: &str) -> &'static str {
+    match name {
+        "geometry" | "max_depth" => "a pose is estimated",
+        "cheirality" | "plane_poses" | "tangent_sampson" => "`geometry` is `essential`",
+        "hypotheses" => "`geometry` is `essential`, and `turns` is true",
+        "hopeless" => "`geometry` is `essential`, and `confidence` is below 1",
+        "degensac" => "`geometry` is `fundamental`",
+        "threshold_px" => "`score` is not `lmeds`",
+        "score_cells" | "turns" => "`score` is `even-msac` or `even-marginal`",
+        "noise_iterations" => "`score` is `even-marginal`",
+        "sprt" => "`score` is neither `lmeds` nor `mlesac`",
+        "prosac_horizon" => "`sampler` is `prosac`",
+        "cells" => "`sampler` is `spread`",
+        "min_iterations" => "`confidence` is below 1",
+        "final_loss" => "`final_steps` is not 0",
+        "one_side" => "a homography is estimated",
+        _ => "another choice is made",
+    }
+}
+
 /// A value that [`Settings::DEFAULTS`] has filled in.
 pub(super) fn have<T>(value: Option<T>) -> T {
     value.expect("the defaults have every name")
@@ -274,11 +295,35 @@ impl Settings {
         let acting = acting.names();
         match self.names().iter().find(|name| !acting.contains(name)) {
             Some(name) => Err(ParamError(format!(
-                "`{name}` does nothing beside the chosen geometry, score, turns, sampler, confidence \
-                 and final_steps; what acts is {}",
+                "`{name}` does nothing here: it acts where {}; what acts is {}",
+                acts_where(name),
                 acting.join(", ")
             ))),
             None => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_always_act_says_where() {
+        let names = Settings::DEFAULTS.names().into_iter();
+        let always: Vec<&str> = names
+            .filter(|name| acts_where(name) == "another choice is made")
+            .collect();
+        assert_eq!(
+            always,
+            [
+                "score",
+                "sampler",
+                "confidence",
+                "max_iterations",
+                "local_steps",
+                "final_steps"
+            ]
+        );
     }
 }
