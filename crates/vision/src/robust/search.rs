@@ -21,6 +21,9 @@ use crate::geometry::{MatchedPoints, PointPairs};
 use crate::params::ParamError;
 use crate::seed::Seed;
 
+/// Of so many samples one is drawn before it is asked whether the search is hopeless.
+const HOPELESS_AFTER_ONE_IN: usize = 4;
+
 /// The score, the sampler and the limits of one search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Search {
@@ -86,6 +89,15 @@ impl Search {
         }
         let local = self.local_steps;
         ParamError::unless(local <= 1000, "local_steps", local, "0 to 1000")
+    }
+
+    /// Number of samples after which it is asked whether the search is hopeless: as many as must be drawn at least, and a
+    /// quarter of all. `None` where the search has ended by then.
+    pub(super) fn hopeless_after(&self) -> Option<usize> {
+        let least = self.early_stop?.min_iterations;
+        let after = (self.max_iterations / HOPELESS_AFTER_ONE_IN).max(least);
+        // A model needs a sample.
+        Some(after.max(1)).filter(|&after| after < self.max_iterations)
     }
 }
 
@@ -170,9 +182,6 @@ impl Shuffled {
 
 /// The threshold, in standard deviations of the noise, if the noise is estimated.
 const SIGMAS: f64 = 5.0;
-
-/// Of so many samples one is drawn before it is asked whether the search is hopeless.
-const HOPELESS_AFTER_ONE_IN: usize = 4;
 
 /// One search: everything except the problem, the score and the sampler, which are types.
 pub(super) struct Task<'a> {
@@ -402,9 +411,7 @@ impl Task<'_> {
                 local_steps: self.search.local_steps,
                 sprt,
                 hypotheses: self.hypotheses,
-                hopeless_after: Some(
-                    (max_samples / HOPELESS_AFTER_ONE_IN).max(stop_early.min_iterations),
-                ),
+                hopeless_after: self.search.hopeless_after(),
             },
             &mut self.seed.rng(),
             self.stop,

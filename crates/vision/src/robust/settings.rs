@@ -8,7 +8,7 @@
 //! | `geometry`, `max_depth` | a pose is estimated |
 //! | `cheirality`, `plane_poses`, `tangent_sampson` | `geometry` is `essential` |
 //! | `hypotheses` | `geometry` is `essential`, and `turns` is true |
-//! | `hopeless` | `geometry` is `essential`, and `confidence` is below 1 |
+//! | `hopeless` | `geometry` is `essential`, `confidence` is below 1, and `min_iterations` below `max_iterations` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
 //! | `score_cells`, `turns` | `score` is `even-msac` or `even-marginal` |
@@ -134,8 +134,8 @@ settings! {
     /// Number of models that differ which the search keeps, to choose among them at the end by how well each predicts how
     /// far keypoints turned and grew; 1 to 1000, where 1 is the best alone.
     hypotheses: usize = 1,
-    /// A search ends after a quarter of `max_iterations` samples if the pose so far is right with a probability below
-    /// this; 0 to 1, where 0 is never.
+    /// A search ends after a quarter of `max_iterations` samples, or after `min_iterations` if these are more, if the pose
+    /// so far is right with a probability below this; 0 to 1, where 0 is never.
     hopeless: f64 = 0.0,
     /// Whether a matrix whose sample lies mostly on one plane is replaced by one that also explains matches off the
     /// plane (DEGENSAC).
@@ -174,7 +174,9 @@ fn acts_where(name: &str) -> &'static str {
         "geometry" | "max_depth" => "a pose is estimated",
         "cheirality" | "plane_poses" | "tangent_sampson" => "`geometry` is `essential`",
         "hypotheses" => "`geometry` is `essential`, and `turns` is true",
-        "hopeless" => "`geometry` is `essential`, and `confidence` is below 1",
+        "hopeless" => {
+            "`geometry` is `essential`, `confidence` is below 1, and `min_iterations` below `max_iterations`"
+        }
         "degensac" => "`geometry` is `fundamental`",
         "threshold_px" => "`score` is not `lmeds`",
         "score_cells" | "turns" => "`score` is `even-msac` or `even-marginal`",

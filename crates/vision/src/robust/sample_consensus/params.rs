@@ -33,8 +33,10 @@ pub enum Geometry {
         /// score that uses turns, and does nothing if neither [turns](crate::geometry::MatchedPoints::turns) nor
         /// [growths](crate::geometry::MatchedPoints::growths) are known. Default: 1.
         hypotheses: usize,
-        /// The search is given up after a quarter of `max_iterations` samples if the [probability](PoseProbabilities) that
-        /// the pose so far is right is below this; 0 to 1, where 0 is never. More than 0 needs an early stop. Default: 0.
+        /// The search is given up if the [probability](PoseProbabilities) that the pose so far is right is below this; 0 to
+        /// 1, where 0 is never. That is asked once, after a quarter of `max_iterations` samples, or after
+        /// [`EarlyStop::min_iterations`] if these are more. More than 0 needs an early stop, and more samples than that.
+        /// Default: 0.
         hopeless: f64,
     },
     /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
@@ -146,12 +148,12 @@ impl SampleConsensusParams {
                 hypotheses,
                 "1 to 1000 with `turns`, by which they are compared, and 1 without",
             )?;
-            let most = self.early_stop.map_or(0.0, |_| 1.0);
+            let most = self.search().hopeless_after().map_or(0.0, |_| 1.0);
             ParamError::unless(
                 (0.0..=most).contains(&hopeless),
                 "hopeless",
                 hopeless,
-                "0 to 1 where sampling may stop early, and 0 where it may not",
+                "0 to 1 where sampling may stop before `max_iterations`, and 0 where it may not",
             )?;
         }
         ParamError::unless(

@@ -27,7 +27,7 @@ impl SampleConsensusParams {
                 flat.plane_poses = Some(plane_poses);
                 flat.tangent_sampson = Some(tangent_sampson);
                 flat.hypotheses = self.score.uses_turns().then_some(hypotheses);
-                flat.hopeless = self.early_stop.map(|_| hopeless);
+                flat.hopeless = self.search().hopeless_after().map(|_| hopeless);
             }
             Geometry::Fundamental { degensac } => {
                 flat.geometry = Some(GeometryName::Fundamental);
@@ -89,7 +89,7 @@ impl Settings {
                     } else {
                         1
                     },
-                    hopeless: search.early_stop.map_or(0.0, |_| have(all.hopeless)),
+                    hopeless: search.hopeless_after().map_or(0.0, |_| have(all.hopeless)),
                 },
                 GeometryName::Fundamental => Geometry::Fundamental {
                     degensac: have(all.degensac),
@@ -177,6 +177,21 @@ mod tests {
         assert_eq!(all.settings().hopeless, None);
         assert!(SampleConsensus::new(all).is_ok());
         assert!(all.with(settings(None, Some(0.1))).is_err());
+        // Nor is one that must draw all its samples.
+        let fewer = Settings {
+            max_iterations: Some(1000),
+            ..Settings::default()
+        };
+        let fewer = adaptive.with(fewer).expect("as many as it must draw");
+        assert_eq!(fewer.settings().hopeless, None);
+        assert!(SampleConsensus::new(fewer).is_ok());
+        assert!(fewer.with(settings(None, Some(0.1))).is_err());
+        let by_field = SampleConsensusParams {
+            max_iterations: 1000,
+            ..adaptive
+        };
+        let refused = SampleConsensus::new(by_field).expect_err("it would do nothing");
+        assert!(refused.to_string().contains("hopeless"), "{refused}");
         for (hopeless, is_allowed) in [(0.0, true), (1.0, true), (1.1, false), (f64::NAN, false)] {
             let changed = presets::best().with(settings(None, Some(hopeless)));
             let built = SampleConsensus::new(changed.expect("it acts"));
