@@ -1,5 +1,7 @@
 //! Matched points of two views, one array per coordinate.
 
+use std::borrow::Cow;
+
 use nalgebra::Point2;
 
 use super::Covariances;
@@ -48,6 +50,20 @@ impl PointPairs {
     /// The matches, each as its point in `a` and its point in `b`.
     pub fn iter(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
         (0..self.len()).map(|index| self.get(index))
+    }
+
+    /// The matches as if the noise were the same everywhere.
+    pub(crate) fn without_covariances(&self) -> Cow<'_, Self> {
+        match self.covariances {
+            None => Cow::Borrowed(self),
+            Some(_) => Cow::Owned(Self {
+                a_x: self.a_x.clone(),
+                a_y: self.a_y.clone(),
+                b_x: self.b_x.clone(),
+                b_y: self.b_y.clone(),
+                covariances: None,
+            }),
+        }
     }
 
     /// The matches with these numbers, in the order of the numbers, with their covariances.

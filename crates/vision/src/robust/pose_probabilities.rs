@@ -89,12 +89,14 @@ impl TwoViews<'_> {
     }
 }
 
-/// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit.
+/// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit. Their covariances are not
+/// used, whatever the distances of the search are: the probabilities are calibrated on plain Sampson distances.
 pub(super) fn pose_probabilities(
     pairs: &PointPairs,
     focal: f64,
     b_from_a: &RelativePose,
 ) -> PoseProbabilities {
+    let pairs = &pairs.without_covariances();
     let mut squared = vec![0.0; pairs.len()];
     let essential = essential_from_pose(b_from_a);
     squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
@@ -199,7 +201,7 @@ mod tests {
     use nalgebra::{Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
-    use crate::geometry::{Camera, MatchedPoints};
+    use crate::geometry::{Camera, Distortion, Lens, MatchedPoints};
     use crate::robust::{
         PoseEstimate, PoseEstimator, SampleConsensus, SampleConsensusParams, presets,
     };
@@ -280,6 +282,28 @@ mod tests {
         let few = matches(60, 400, 1.0);
         assert_eq!(samples(&few), noise + adaptive.max_iterations);
         assert!(of_estimator(adaptive, &few).right > 0.5);
+    }
+
+    #[test]
+    fn a_search_that_measures_in_the_image_asks_for_the_same_probability() {
+        let lens = Distortion {
+            k1: -0.28,
+            k2: 0.07,
+            ..Distortion::default()
+        };
+        let camera = Camera {
+            distortion: Some(Lens::Brown(lens)),
+            ..CAMERA
+        };
+        let views = TwoViews {
+            points: &matches(300, 100, 1.0),
+            camera_a: &camera,
+            camera_b: &camera,
+        };
+        let pairs = views.at_depth_1_with_covariances();
+        assert!(pairs.covariances.is_some());
+        let found = pose_probabilities(&pairs, views.mean_focal(), &truth());
+        assert_eq!(found, views.pose_probabilities(&truth()));
     }
 
     #[test]
