@@ -27,6 +27,7 @@ use std::ops::Range;
 
 use super::even_weights::EvenWeights;
 use super::grid::NOTHING_IS_FAR;
+use super::scoring::LEAST_SQUARED_THRESHOLD;
 use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd::{self, THRESHOLDS};
@@ -45,7 +46,7 @@ pub struct EvenMarginal {
 
 impl EvenMarginal {
     /// The score for models of these matches. A grid of `cells` x `cells` cells is laid over the points of each
-    /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
+    /// view. An inlier is a match whose squared residual is at most `squared_threshold`, which is positive.
     ///
     /// # Panics
     /// If there are no cells, or more than 1000 across.
@@ -56,6 +57,7 @@ impl EvenMarginal {
 
     /// The same score with given weights of the matches.
     pub(super) fn weighing(weights: EvenWeights, squared_threshold: f64) -> Self {
+        let squared_threshold = squared_threshold.max(LEAST_SQUARED_THRESHOLD);
         Self {
             squared_threshold,
             squared_thresholds: multiples(squared_threshold),
@@ -65,11 +67,7 @@ impl EvenMarginal {
 
     /// The same score with another threshold.
     pub(super) fn at(self, squared_threshold: f64) -> Self {
-        Self {
-            squared_threshold,
-            squared_thresholds: multiples(squared_threshold),
-            ..self
-        }
+        Self::weighing(self.weights, squared_threshold)
     }
 }
 

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use super::even_weights::EvenWeights;
 use super::grid::NOTHING_IS_FAR;
+use super::scoring::LEAST_SQUARED_THRESHOLD;
 use super::{Scoring, Support};
 use crate::geometry::PointPairs;
 use crate::simd;
@@ -20,7 +21,7 @@ pub struct EvenMsac {
 
 impl EvenMsac {
     /// The score for models of these matches. A grid of `cells` x `cells` cells is laid over the points of each
-    /// view. An inlier is a match whose squared residual is at most `squared_threshold`.
+    /// view. An inlier is a match whose squared residual is at most `squared_threshold`, which is positive.
     ///
     /// # Panics
     /// If there are no cells, or more than 1000 across.
@@ -32,7 +33,7 @@ impl EvenMsac {
     /// The same score with given weights of the matches.
     pub(super) fn weighing(weights: EvenWeights, squared_threshold: f64) -> Self {
         Self {
-            squared_threshold,
+            squared_threshold: squared_threshold.max(LEAST_SQUARED_THRESHOLD),
             weights,
         }
     }

@@ -10,7 +10,8 @@ use super::{Scoring, Support};
 /// Detection", 1987, sec. 5.1).
 ///
 /// Inliers are data within 2.5 robust standard deviations. One robust standard deviation is
-/// `1.4826 (1 + 5 / (n - s)) sqrt(med)` for n data and samples of s data.
+/// `1.4826 (1 + 5 / (n - s)) sqrt(med)` for n data and samples of s data. It is 0 if more than half of the data agree
+/// exactly; then only these are inliers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MedianOfSquares {
     /// s: number of data in a sample.

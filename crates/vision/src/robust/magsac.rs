@@ -25,7 +25,8 @@ pub struct Magsac {
 }
 
 impl Magsac {
-    /// The score, where the residuals of right matches are at most `k sigma_max`; the square of this is given.
+    /// The score, where the residuals of right matches are at most `k sigma_max`; the square of this is given,
+    /// which is positive.
     pub fn new(squared_threshold: f64) -> Self {
         let last = 0.5 * QUANTILE * QUANTILE;
         let worst = loss(last, last);

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::scoring::LEAST_SQUARED_THRESHOLD;
 use super::{Scoring, Support};
 
 /// Largest ratio of the densities of a right and of a wrong match. The product of 16 of them is still a finite number.
@@ -16,7 +17,7 @@ const STEPS: usize = 3;
 /// Understanding 78(1), 2000, sec. 4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mlesac {
-    /// (1.96 sigma)^2: an inlier is a datum whose squared residual is at most this. This holds for 95 % of the
+    /// (1.96 sigma)^2, positive: an inlier is a datum whose squared residual is at most this. This holds for 95 % of the
     /// right data.
     pub squared_threshold: f64,
     /// v: the length of the interval over which wrong residuals are uniform.
@@ -25,7 +26,7 @@ pub struct Mlesac {
 
 impl Scoring for Mlesac {
     fn support(&self, _range: Range<usize>, squared_residuals: &mut [f64]) -> Support {
-        let squared_sigma = self.squared_threshold / (1.96 * 1.96);
+        let squared_sigma = self.squared_threshold.max(LEAST_SQUARED_THRESHOLD) / (1.96 * 1.96);
         let scale = 1.0 / (2.0 * std::f64::consts::PI * squared_sigma).sqrt();
         let inliers = squared_residuals
             .iter()

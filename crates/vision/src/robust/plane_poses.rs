@@ -20,6 +20,7 @@
 //! | | `ON_THE_PLANE` | 0.5 of the inliers | tuned: 0.3 does as well, with 0.7 half of the gain is lost |
 //! | | `SAMPLES` | 50 at most | ours: where half are on the plane, 96 % sure |
 //! | | `SQUARED_SLACK` | 4 | as for fundamental matrices |
+//! | | `SQUARED_ROUNDING` | 1e-24 at depth 1 | ours: what rounding leaves; the threshold of a least median may be 0 |
 
 use nalgebra::Matrix3;
 
@@ -30,6 +31,7 @@ use crate::seed::Rng;
 const ON_THE_PLANE: f64 = 0.5;
 const SAMPLES: usize = 50;
 const SQUARED_SLACK: f64 = 4.0;
+const SQUARED_ROUNDING: f64 = 1e-24;
 
 /// If at least half of these matches, which agree with one pose, lie on a plane: the essential matrices that
 /// this plane allows. Otherwise none.
@@ -43,7 +45,7 @@ pub(super) fn plane_poses(
         one_side: true,
     };
     let score = Msac {
-        squared_threshold: SQUARED_SLACK * squared_threshold,
+        squared_threshold: (SQUARED_SLACK * squared_threshold).max(SQUARED_ROUNDING),
     };
     let found = consensus_until(
         &problem,
@@ -73,7 +75,10 @@ pub(super) fn plane_poses(
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point2;
+
     use super::*;
+    use crate::geometry::transfer;
     use crate::robust::degensac::tests::matches_of_a_plane;
     use crate::seed::Seed;
 
@@ -85,5 +90,19 @@ mod tests {
         for few in 0..5 {
             assert_eq!(found(&matches_of_a_plane(few, 0, 0)), 0);
         }
+    }
+
+    /// The threshold of a least median is 0 if most matches are exact.
+    #[test]
+    fn exact_matches_of_a_plane_need_no_threshold() {
+        let mut rng = Seed(2).rng();
+        let tilted = Matrix3::new(1.1, 0.05, 0.1, -0.1, 0.9, 0.02, 0.1, -0.2, 1.0);
+        let pairs: PointPairs = (0..50)
+            .map(|_| {
+                let a = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
+                (a, transfer(&tilted, a))
+            })
+            .collect();
+        assert_eq!(plane_poses(&pairs, 0.0, &mut Seed(1).rng()).len(), 2);
     }
 }
