@@ -18,8 +18,9 @@ use super::{PointPairs, normalisation, squared_transfer_distances};
 use crate::simd;
 
 /// The homography after at most `max_steps` steps from `start`, of Frobenius norm 1 and with the sign of
-/// `start`. Its cost is never larger than that of `start`. The scale of the `loss` is given squared, in the squared unit
-/// of the points.
+/// `start`. Its cost is never larger than that of `start`. It is `start` itself, of whatever norm, where nothing can be
+/// refined: if all points of an image coincide or none is finite, or if `start` is zero or not finite. The scale of the
+/// `loss` is given squared, in the squared unit of the points.
 pub fn refine_homography(
     start: &Matrix3<f64>,
     pairs: &PointPairs,
