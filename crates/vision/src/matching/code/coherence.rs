@@ -132,7 +132,8 @@ fn learn_likelihood(
 ) -> Option<Vec<[f64; 1]>> {
     let rows: Vec<SparseRow> = seeds.iter().map(|seed| kernels(seed, centres)).collect();
     // The penalty is on the coefficients and not on the norm of the function, since truncated kernels are not
-    // positive definite. A seed on its own still gets 1 / (1 + ridge).
+    // positive definite. A seed on its own would get 1 / (1 + ridge) by squares alone. By Huber's loss it gets less where
+    // `huber` is below ridge / (1 + ridge): nearly huber / ridge.
     let penalty = DMatrix::identity(centres.len(), centres.len()) * params.ridge;
     fit(&rows, &vec![[1.0]; seeds.len()], &penalty, params.huber)
 }
