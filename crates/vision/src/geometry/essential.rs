@@ -28,7 +28,10 @@ pub fn essential_defect(e: &Matrix3<f64>) -> f64 {
 }
 
 /// The four poses whose essential matrix is the one nearest to `e`, up to sign. Their order is (R1, t), (R2,
-/// t), (R1, -t), (R2, -t), where `R1 = U W V^T` and `R2 = U W^T V^T`. `None` if `e` is zero or not finite.
+/// t), (R1, -t), (R2, -t), where `U diag(1, 1, 0) V^T` is the singular value decomposition of `e`, of which U and V are
+/// taken as rotations, `R1 = U W V^T`, `R2 = U W^T V^T`, and t is the third column of U. The rows of W are (0, 1, 0),
+/// (-1, 0, 0) and (0, 0, 1), as in OpenCV; Hartley and Zisserman call the transpose of this W. `None` if `e` is zero or
+/// not finite.
 pub fn decompose_essential(e: &Matrix3<f64>) -> Option<[RelativePose; 4]> {
     let e = scaled(e);
     if !(e.iter().all(|x| x.is_finite()) && e.norm_squared() > 0.0) {
