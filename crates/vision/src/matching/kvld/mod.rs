@@ -16,7 +16,7 @@
 //!    stays; among equals, that of most similar lines. A match is dropped if less than `least_share` of its
 //!    neighbours are consistent.
 //! 5. If a smaller share than `inlier_rate` is kept, all is done again with half the rate, so with
-//!    sqrt(2) times the radius, and `least_neighbours` 2, at most five times.
+//!    sqrt(2) times the radius, and `least_neighbours` 2. At most five rates are tried, the first included.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
