@@ -13,6 +13,7 @@
 //! | --- | --- | --- |
 //! | `FIRST_DAMPING` | 1e-3, times the diagonal | Marquardt |
 //! | `DAMPING_FACTOR` | 10 | Marquardt |
+//! | `MAX_DAMPING` | 1e6, beyond which no step is tried | ours |
 //! | `MIN_STEP` | 1e-9, in the unit of the tangent space | ours |
 
 use nalgebra::{SMatrix, SVector};
