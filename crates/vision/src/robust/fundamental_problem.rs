@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix3, SVector};
+use nalgebra::Matrix3;
 
 use super::Problem;
 use super::degensac::off_the_plane;
@@ -81,9 +81,7 @@ fn eight_point(pairs: &PointPairs, matches: &[u32]) -> Option<Matrix3<f64>> {
         matrix,
         from_a,
         from_b,
-    } = least_violating(pairs, matches, |a, b| {
-        [SVector::from_fn(|i, _| b[i / 3] * a[i % 3])]
-    })?;
+    } = least_violating(pairs, matches)?;
     let mut svd = matrix.svd(true, true);
     let least = svd.singular_values.imin();
     svd.singular_values[least] = 0.0;

@@ -1,14 +1,14 @@
-//! Models that fit many matches best in the algebraic sense: what the linear algorithms for
-//! fundamental matrices and homographies have in common.
+//! The matrix that fits many matches best in the algebraic sense, and its repetition over the inliers of each result:
+//! the linear part of the eight-point algorithm (see [`fundamental_problem`](super::fundamental_problem)).
 //!
 //! Hartley, "In Defense of the Eight-Point Algorithm", PAMI 19(6), 1997; Hartley, Zisserman,
 //! "Multiple View Geometry in Computer Vision", 2nd edition, 2004, sec. 4.4.
 //!
 //! The points of each image are moved and scaled so that equations are well conditioned. Each match
-//! gives linear equations in the nine entries of the matrix; the unit vector that violates all of
+//! gives a linear equation in the nine entries of the matrix; the unit vector that violates all of
 //! them least is the eigenvector of the smallest eigenvalue of their moments.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector};
 
 use super::Problem;
 use super::consensus::inliers_within;
@@ -54,12 +54,8 @@ pub(super) struct Normalised {
     pub(super) from_b: Matrix3<f64>,
 }
 
-/// The matrix that violates the `equations` of the `matches` least; its entries row after row.
-pub(super) fn least_violating<const N: usize>(
-    pairs: &PointPairs,
-    matches: &[u32],
-    equations: impl Fn(Vector3<f64>, Vector3<f64>) -> [SVector<f64, 9>; N],
-) -> Option<Normalised> {
+/// The matrix that violates the equations `b^T M a = 0` of the `matches` least.
+pub(super) fn least_violating(pairs: &PointPairs, matches: &[u32]) -> Option<Normalised> {
     let points = |x: &[f64], y: &[f64]| {
         normalisation(matches.iter().map(|&i| (x[i as usize], y[i as usize])))
     };
@@ -68,9 +64,10 @@ pub(super) fn least_violating<const N: usize>(
     let mut moments = SMatrix::<f64, 9, 9>::zeros();
     for &index in matches {
         let (a, b) = pairs.get(index as usize);
-        for equation in equations(from_a * a.to_homogeneous(), from_b * b.to_homogeneous()) {
-            moments.ger(1.0, &equation, &equation, 1.0);
-        }
+        let (a, b) = (from_a * a.to_homogeneous(), from_b * b.to_homogeneous());
+        // Of the entries row after row.
+        let equation = SVector::<f64, 9>::from_fn(|i, _| b[i / 3] * a[i % 3]);
+        moments.ger(1.0, &equation, &equation, 1.0);
     }
     if !moments.iter().all(|x| x.is_finite()) {
         return None;
