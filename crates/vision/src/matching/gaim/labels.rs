@@ -48,13 +48,27 @@ pub(super) fn pixel(features: &Features) -> f64 {
 }
 
 impl CandidateLabels {
+    /// A search with at most so many nodes, and labels of each, at least `apart_px` from each other.
+    ///
+    /// # Errors
+    /// If one of them is out of its range.
+    pub fn new(nodes: usize, labels: usize, apart_px: f64) -> Result<Self, ParamError> {
+        let search = Self {
+            nodes,
+            labels,
+            apart_px,
+        };
+        search.check()?;
+        Ok(search)
+    }
+
     /// Refuses parameters out of range.
     pub(super) fn check(&self) -> Result<(), ParamError> {
         ParamError::unless(self.nodes >= 1, "nodes", self.nodes, "at least 1")?;
         let allowed = (1..=MAX_LABELS).contains(&self.labels);
         ParamError::unless(allowed, "labels", self.labels, "1 to 10000")?;
         let fine = self.apart_px >= 0.0 && self.apart_px.is_finite();
-        ParamError::unless(fine, "apart_px", self.apart_px, "at least 0")
+        ParamError::unless(fine, "apart_px", self.apart_px, "at least 0 and finite")
     }
 
     /// Candidates in `b` of the features `nodes` of `a`, in the order of `nodes`, nearest first.
@@ -62,7 +76,7 @@ impl CandidateLabels {
     pub(super) fn of(&self, nodes: &[usize], a: &Features, b: &Features) -> Correspondences {
         let queries = a.descriptors.select(nodes.iter().copied());
         let mut nearest = vec![Vec::new(); nodes.len()];
-        // Parameters that were not checked find what one label finds.
+        // With no labels, which `new` refuses, none is found.
         let blocks = BLOCKS_PER_LABEL.saturating_mul(self.labels.max(1));
         let block = (b.len() / blocks).clamp(1, BLOCK);
         for first in (0..b.len()).step_by(block) {

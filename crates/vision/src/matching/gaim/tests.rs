@@ -319,4 +319,21 @@ fn parameters_out_of_range_are_named() {
         let message = Gaim::new(params).unwrap_err().to_string();
         assert!(message.contains(name), "{message}");
     }
+    let CandidateLabels {
+        nodes,
+        labels,
+        apart_px,
+    } = default.labels;
+    assert_eq!(
+        CandidateLabels::new(nodes, labels, apart_px),
+        Ok(default.labels)
+    );
+    for (name, refused) in [
+        ("nodes", CandidateLabels::new(0, labels, apart_px)),
+        ("labels", CandidateLabels::new(nodes, 0, apart_px)),
+        ("apart_px", CandidateLabels::new(nodes, labels, f64::NAN)),
+    ] {
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(name), "{message}");
+    }
 }
