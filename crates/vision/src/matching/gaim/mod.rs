@@ -68,17 +68,20 @@ pub struct GaimParams {
     pub unary_weight: f64,
     /// Largest cost of a pair of neighbours, positive.
     pub truncation: f64,
-    /// Least distance that neighbours must keep from each other, at least 0.
+    /// Least distance that neighbours must keep from each other, in thousandths of the diagonal of their image; at least
+    /// 0.
     pub collision_px: f64,
     /// Number of rounds of moves, at least 1.
     pub rounds: usize,
-    /// Radius of a cluster of chosen candidates, at least 0.
+    /// Radius of a cluster of chosen candidates, in thousandths of the diagonal of their image; at least 0.
     pub cluster_px: f64,
-    /// A match is kept if the way back from its cluster ends within this distance of its node, positive.
+    /// A match is kept if the way back from its cluster ends within this distance of its node, in thousandths of the
+    /// diagonal of the image of the node; positive.
     pub consistency_px: f64,
     /// Number of matches around a match with which its motion is compared, at least 3.
     pub smooth_neighbours: usize,
-    /// Largest distance of a match from the place to which the motion of these maps it, positive.
+    /// Largest distance of a match from the place to which the motion of these maps it, in thousandths of the diagonal of
+    /// the image of that place; positive.
     pub smooth_px: f64,
 }
 
