@@ -86,22 +86,49 @@ pub enum NoModel {
         /// Number of required matches.
         needed: usize,
     },
-    /// There is no model, or too few matches agree with the best one, or lie in front of both cameras of the best
-    /// pose.
+    /// There is no model that enough matches support. The estimators of this module say so in three cases:
+    ///
+    /// - `found` 0 of the matches of a sample (5 for an essential matrix, 7 for a fundamental one, 4 for a homography): no
+    ///   model was found, since models with fewer inliers than a sample has matches are not kept;
+    /// - `found` 0 of 1: no match lies in front of both cameras of the best pose, nearer than the largest depth;
+    /// - other numbers: so few matches agree with the refined homography.
+    ///
+    /// Whoever asks for more (a protocol of the benchmark) states the numbers of its own.
     NoSupport {
-        /// Number of these matches; 0 if there is no model, since models with fewer inliers than a sample has
-        /// matches are not kept.
+        /// Number of matches that support the best model.
         found: usize,
         /// Number of required matches.
         needed: usize,
     },
 }
 
+impl NoModel {
+    /// No match lies in front of both cameras of the best pose, nearer than the largest depth.
+    pub(super) const NOTHING_IN_FRONT: Self = Self::NoSupport {
+        found: 0,
+        needed: 1,
+    };
+
+    /// No model has as many inliers as a `sample` has matches.
+    pub(super) fn none_found(sample: usize) -> Self {
+        Self::NoSupport {
+            found: 0,
+            needed: sample,
+        }
+    }
+}
+
 impl fmt::Display for NoModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
+        match *self {
             Self::TooFewMatches { found, needed } => {
                 write!(f, "too few matches: {found}, needed {needed}")
+            }
+            Self::NOTHING_IN_FRONT => f.write_str(
+                "no match lies in front of both cameras of the best pose, within the largest depth",
+            ),
+            Self::NoSupport { found: 0, needed } => {
+                write!(f, "no model found that at least {needed} matches support")
             }
             Self::NoSupport { found, needed } => {
                 write!(
@@ -276,10 +303,22 @@ mod tests {
         let unlimited = unlimited.expect("a pose");
         assert!(unlimited.b_from_a.direction.x > 0.999);
         assert_eq!(unlimited.support, 30);
-        let none = NoModel::NoSupport {
-            found: 0,
-            needed: 1,
-        };
-        assert_eq!(near, Err(none));
+        assert_eq!(near, Err(NoModel::NOTHING_IN_FRONT));
+    }
+
+    #[test]
+    fn a_model_that_was_not_found_is_told_from_one_that_nothing_is_in_front_of() {
+        let said = [
+            NoModel::none_found(5),
+            NoModel::NOTHING_IN_FRONT,
+            NoModel::NoSupport {
+                found: 9,
+                needed: 10,
+            },
+        ];
+        let [none, behind, few] = said.map(|reason| reason.to_string());
+        assert!(none.starts_with("no model found"), "{none}");
+        assert!(behind.contains("in front of both cameras"), "{behind}");
+        assert!(few.ends_with("9, needed 10"), "{few}");
     }
 }

@@ -147,7 +147,7 @@ impl HomographyEstimator for HomographyConsensus {
             stop,
         };
         let found = task.solve(&problem);
-        let found = found.ok_or(NoModel::NoSupport { found: 0, needed })?;
+        let found = found.ok_or(NoModel::none_found(needed))?;
         let iterations = found.samples;
         let (b_from_a, inliers) = self.finish(&problem, found);
         if inliers.len() < needed || b_from_a.try_inverse().is_none() {

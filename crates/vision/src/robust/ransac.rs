@@ -141,7 +141,7 @@ impl PoseEstimator for Ransac {
             &mut seed.rng(),
             stop,
         )
-        .ok_or(NoModel::NoSupport { found: 0, needed })?;
+        .ok_or(NoModel::none_found(needed))?;
         match choose_pose(&found.model, &pairs, self.params.max_depth) {
             Some((b_from_a, support)) if support > 0 => Ok(PoseEstimate {
                 b_from_a,
@@ -149,10 +149,7 @@ impl PoseEstimator for Ransac {
                 support,
                 iterations: found.samples,
             }),
-            _ => Err(NoModel::NoSupport {
-                found: 0,
-                needed: 1,
-            }),
+            _ => Err(NoModel::NOTHING_IN_FRONT),
         }
     }
 }

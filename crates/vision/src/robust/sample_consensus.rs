@@ -196,7 +196,7 @@ impl PoseEstimator for SampleConsensus {
         }
         let found = self
             .search(&matches, views, seed, stop)
-            .ok_or(NoModel::NoSupport { found: 0, needed })?;
+            .ok_or(NoModel::none_found(needed))?;
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, pairs);
         let agreeing = pairs.chosen(&inliers);
@@ -205,12 +205,7 @@ impl PoseEstimator for SampleConsensus {
             // If no inlier is near enough, all matches decide.
             _ => match choose_pose(&model, pairs, self.params.max_depth) {
                 Some((pose, support)) if support > 0 => pose,
-                _ => {
-                    return Err(NoModel::NoSupport {
-                        found: 0,
-                        needed: 1,
-                    });
-                }
+                _ => return Err(NoModel::NOTHING_IN_FRONT),
             },
         };
         let support = pose_support(&b_from_a, pairs, self.params.max_depth);
