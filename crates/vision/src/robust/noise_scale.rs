@@ -178,7 +178,10 @@ mod tests {
     #[test]
     fn exact_matches_and_hopeless_ones_stay_within_the_limits() {
         assert!((noise_scale(std::iter::repeat_n(0.0, 9000)) - MIN_PX).abs() < 1e-12);
+        let wide = noise_scale(distances(9000, 5.0, 0).into_iter());
+        assert!((wide - MAX_PX).abs() < 1e-12, "{wide}");
+        // So far away they are all taken for wrong ones, which say nothing.
         let far = noise_scale(std::iter::repeat_n(99.0, 9000));
-        assert!(far <= MAX_PX, "{far}");
+        assert!((far - PRIOR_PX).abs() < 0.01, "{far}");
     }
 }

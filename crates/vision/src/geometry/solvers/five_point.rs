@@ -256,6 +256,7 @@ mod tests {
     fn a_pure_rotation_does_not_break_it() {
         let mut rng = Seed(3).rng();
         let rotation = Rotation3::from_euler_angles(0.1, -0.2, 0.05);
+        let mut solved = 0;
         for _ in 0..200 {
             let a = [(); 5].map(|()| Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5));
             let b = a.map(|a| {
@@ -263,7 +264,10 @@ mod tests {
                 Point2::new(x.x / x.z, x.y / x.z)
             });
             assert_solved(&a, &b);
+            solved += usize::from(!five_point(&a, &b).is_empty());
         }
+        // Every translation is a solution; how many are found is a matter of rounding.
+        assert!(solved > 190, "{solved} of 200");
     }
 
     #[test]
