@@ -53,7 +53,7 @@ pub fn best() -> SampleConsensusParams {
 /// | --- | --- | --- |
 /// | `score` | even marginal | see [`EvenMarginal`](super::EvenMarginal) |
 /// | `score.threshold_px` | 2 | a first guess: the mean AUC on the tuning scenes is the same from 0.5 to 4 |
-/// | `score.turns` | yes | tuned on the same, see `turns.rs`: 0.007 more in the mean of five features |
+/// | `score.turns` | yes | tuned on the same: 0.007 more in the mean of five features |
 /// | `geometry.plane_poses` | yes | tuned on the kitchen and four rendered scenes: where most is on a plane, samples off it are rare |
 /// | `geometry.hypotheses` | 8 | tuned on these: 0.006 more in the mean of five features; 32 are no better |
 /// | `geometry.hopeless` | 0.1 | on these the mean AUC is the same as with 0, within 0.0003; with 0.2 it is 0.0004 lower on the kitchen |
