@@ -2,30 +2,37 @@
 //!
 //! A [`Search`] finds putative matches between two sets of features: exactly ([`NearestNeighbours`],
 //! [`PlacewiseNeighbours`]) or approximately ([`KdForest`]). A [`Selector`] decides which of them to keep: by
-//! descriptors ([`RatioTest`], [`MutualCheck`], [`Fginn`]) or by how matches move together ([`Gms`],
-//! [`Kvld`], [`Code`], [`RepMatch`], [`Adalam`]). A [`Matcher`] is an extractor, a search and selectors
-//! together ([`Pipeline`]); [`Gaim`] chooses among candidates of all features at once.
+//! descriptors ([`RatioTest`], [`SymmetricRatioTest`], [`MutualCheck`], [`Fginn`]) or by how matches move together
+//! ([`Gms`], [`Kvld`], [`Code`], [`RepMatch`], [`Adalam`]). [`Gaim`] chooses among the candidates of all features at
+//! once, which [`CandidateLabels`] finds. [`ViewsOnDemand`] searches and selects: it compares simulated views only
+//! where the images as they are do not match well.
+//!
+//! A [`Matcher`] is an extractor, a search and selectors together ([`Pipeline`]). Two change another matcher:
+//! [`Refined`] moves its matches to where the pixels about them agree best, and [`Resized`] gives it images of another
+//! size.
+//!
+//! The module of each says how it works, after which paper, and where its values come from.
 
-mod adalam;
+pub mod adalam;
 pub mod code;
 mod correspondence;
 mod error;
-mod fginn;
+pub mod fginn;
 pub mod gaim;
-mod gms;
-mod kdforest;
-mod kvld;
-mod mutual;
-mod nearest;
+pub mod gms;
+pub mod kdforest;
+pub mod kvld;
+pub mod mutual;
+pub mod nearest;
 mod pipeline;
-mod placewise;
-mod ratio;
-mod refined;
-mod repmatch;
-mod resized;
+pub mod placewise;
+pub mod ratio;
+pub mod refined;
+pub mod repmatch;
+pub mod resized;
 mod stages;
-mod symmetric_ratio;
-mod views_on_demand;
+pub mod symmetric_ratio;
+pub mod views_on_demand;
 
 pub use adalam::{Adalam, AdalamParams};
 pub use code::{Code, CodeParams};

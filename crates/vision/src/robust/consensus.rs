@@ -23,7 +23,7 @@
 //! [`Extras::min_samples`] does not delay this; it only says how many samples are drawn at least.
 //!
 //! In the end the best model is compared with its rivals ([`Problem::rivals`]), and with further
-//! [hypotheses](super::hypotheses) if they are asked for. If the sample of a new best model is degenerate, another
+//! hypotheses if they are asked for (see `hypotheses`). If the sample of a new best model is degenerate, another
 //! model may replace it ([`Problem::resolve_degeneracy`]). Data that cannot belong to it are excluded by a costlier
 //! check ([`Problem::exclude_impossible`]). With `sprt`, models that look bad are abandoned early (Matas, Chum,
 //! "Randomized RANSAC with Sequential Probability Ratio Test", ICCV 2005), which may lose a good one. With

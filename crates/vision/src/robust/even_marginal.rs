@@ -8,7 +8,7 @@
 //! magnitude is likelier than another (Jeffreys' prior of a scale).
 //!
 //! The given threshold need not be right either. First `noise_iterations` samples are drawn with this first guess.
-//! The best model of these gives the [noise](super::noise_scale) sigma of the pair, and the search begins anew with
+//! The best model of these gives the noise sigma of the pair (see `noise_scale`), and the search begins anew with
 //! a threshold of 5 sigma.
 //!
 //! | symbol | field | default | source |

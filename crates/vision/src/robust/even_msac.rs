@@ -1,6 +1,6 @@
 //! MSAC in which a crowd of matches does not outvote the rest of the scene.
 //!
-//! The score is that of [`Msac`](super::Msac), but a match counts by its [weight](super::even_weights):
+//! The score is that of [`Msac`](super::Msac), but a match counts by its weight (see `even_weights`):
 //! `sum w max(0, 1 - r^2 / t^2)`.
 
 use std::ops::Range;

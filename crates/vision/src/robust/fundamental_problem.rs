@@ -1,8 +1,7 @@
 //! The fundamental matrix of two views, from seven matches at a time.
 //!
-//! The matches are at depth 1, so what is found is `K_b^T F K_a` (see
-//! [`seven_point`](crate::geometry::solvers::seven_point)): in the coordinates of the cameras the
-//! equations are well conditioned, and the result needs no conversion. It need not be an essential
+//! The matches are at depth 1, so what is found is `K_b^T F K_a` (see [`seven_point`]): in the coordinates of the
+//! cameras the equations are well conditioned, and the result needs no conversion. It need not be an essential
 //! matrix; the nearest one is taken when it is decomposed.
 //!
 //! Local optimisation is the normalised eight-point algorithm over the inliers (Hartley, "In Defense

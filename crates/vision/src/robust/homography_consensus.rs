@@ -13,8 +13,8 @@
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
-//! | | `score` | [`Score::Msac`] | Lebeda et al. |
-//! | | `sampler` | [`Sampler::Uniform`] | |
+//! | | `score` | [`Score::Msac`](super::Score::Msac) | Lebeda et al. |
+//! | | `sampler` | [`Sampler::Uniform`](super::Sampler::Uniform) | |
 //! | p | `early_stop.confidence` | 0.999 | as for poses |
 //! | t | `score.threshold_px` | 3.0 | OpenCV 4's `findHomography` |
 //! | | `early_stop.min_iterations` | 50 | ours; as many as Lebeda et al. draw before they optimise |

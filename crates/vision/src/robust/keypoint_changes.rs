@@ -1,15 +1,15 @@
 //! How keypoints turned and grew between the images, compared with what a pose predicts.
 //!
 //! A right match shows one patch of the scene twice. A pose and the two points tell where the patch is, and so roughly
-//! how it must turn and grow from one view to the other ([`PatchChanges`]). A detector measures both, each on its own
-//! image, so a wrong match agrees only by chance. Each match gets a trust of
+//! how it must turn and grow from one view to the other (see `patch_change` of the geometry). A detector measures both,
+//! each on its own image, so a wrong match agrees only by chance. Each match gets a trust of
 //!
 //! ```text
 //! 1 / (1 + (error of turn / TURN)^2) * 1 / (1 + (error of growth / GROWTH)^2)
 //! ```
 //!
 //! that is, the shape of Cauchy's density: measured orientations and scales have long tails, and the patch need not face
-//! the cameras as assumed. Unlike the [trust](super::turns) by the turn that most matches share, this one depends on
+//! the cameras as assumed. Unlike the trust by the turn that most matches share (see `turns`), this one depends on
 //! the model, so it is used where few models are compared.
 //!
 //! Barath, Kukelova, "Homography from Two Orientation- and Scale-Covariant Features", ICCV 2019, derive what orientations

@@ -9,6 +9,8 @@
 //! All run the one sample-consensus loop, [`consensus()`], which has three exchangeable parts: [`Problem`] (what is
 //! estimated), [`Scoring`] (which model is best) and [`Sampling`] (which data are tried next).
 //!
+//! The module of each says how it works, after which paper, and where its values come from.
+//!
 //! ```
 //! use matchbench_vision::geometry::{Camera, MatchedPoints};
 //! use matchbench_vision::robust::{NoModel, PoseEstimator, SampleConsensus, TwoViews, presets};
@@ -22,38 +24,38 @@
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
 
-mod consensus;
+pub mod consensus;
 mod degensac;
-mod essential_problem;
+pub mod essential_problem;
 mod estimator;
-mod even_marginal;
-mod even_msac;
+pub mod even_marginal;
+pub mod even_msac;
 mod even_weights;
-mod fundamental_problem;
+pub mod fundamental_problem;
 mod grid;
-mod homography_consensus;
-mod homography_problem;
+pub mod homography_consensus;
+pub mod homography_problem;
 mod hypotheses;
-mod keypoint_changes;
+pub mod keypoint_changes;
 mod linear;
-mod lmeds;
-mod magsac;
-mod mlesac;
+pub mod lmeds;
+pub mod magsac;
+pub mod mlesac;
 mod noise_scale;
 mod parts;
 mod plane_poses;
-mod pose_probabilities;
+pub mod pose_probabilities;
 pub mod presets;
 mod problem;
-mod prosac;
-mod ransac;
-mod sample_consensus;
-mod sampling;
-mod scoring;
+pub mod prosac;
+pub mod ransac;
+pub mod sample_consensus;
+pub mod sampling;
+pub mod scoring;
 mod search;
 #[cfg(feature = "serde")]
 mod settings;
-mod spread_sampler;
+pub mod spread_sampler;
 mod sprt;
 mod support;
 mod turns;

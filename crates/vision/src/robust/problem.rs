@@ -5,7 +5,7 @@ use std::ops::{Deref, Range};
 use crate::seed::Rng;
 
 /// A model, the data from which it is estimated, and how the two are compared. One of the three parts of
-/// [`consensus`](super::consensus).
+/// [`consensus`](super::consensus()).
 ///
 /// A problem owns its data, in the layout in which residuals are computed fastest. Data are numbered from 0,
 /// and a sample is a list of such numbers.

@@ -12,7 +12,7 @@
 //! | --- | --- | --- | --- |
 //! | T_N | `horizon` | 200,000 | the paper, sec. 2.1 |
 //!
-//! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus)), which
+//! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus())), which
 //! draws at least as many samples as the paper's maximality criterion.
 
 use super::Sampling;

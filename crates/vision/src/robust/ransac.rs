@@ -6,7 +6,7 @@
 //! Analysis and Machine Intelligence 26(6), 2004.
 //!
 //! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone.
-//! 2. [`consensus`] over uniform samples of five matches finds the essential matrix with the most
+//! 2. [`consensus`](super::consensus()) over uniform samples of five matches finds the essential matrix with the most
 //!    inliers by squared Sampson distance. It is not refitted to them.
 //! 3. [`choose_pose`] decides between its four decompositions over all matches that were given, not
 //!    only the inliers, and counts those that support the pose.

@@ -1,22 +1,22 @@
 //! A pose estimator of parts: any score, any sampler, local optimisation and final refinement.
 //!
 //! Chum, Matas, Kittler, "Locally Optimized RANSAC", DAGM 2003; Lebeda, Matas, Chum, "Fixing the
-//! Locally Optimized RANSAC", BMVC 2012; and the papers of the parts (see [`Msac`], [`Prosac`],
-//! [`refine_pose`]).
+//! Locally Optimized RANSAC", BMVC 2012; and the papers of the parts (see [`Msac`](super::Msac),
+//! [`Prosac`](super::Prosac), [`refine_pose`]).
 //!
 //! 1. Matched pixels become points at depth 1, each by its own camera, lens distortion undone. Distances can be
 //!    measured in units of the image all the same (see [`Covariances`](crate::geometry::Covariances)).
-//! 2. [`consensus_until`] over minimal samples finds the best essential matrix. Each new best one is improved on
-//!    the tangent space of poses, with a truncated loss. With `geometry.plane_poses`, the best is compared in the
-//!    end with the poses that a plane of its inliers allows.
+//! 2. [`consensus_until`](super::consensus_until) over minimal samples finds the best essential matrix. Each new
+//!    best one is improved on the tangent space of poses, with a truncated loss. With `geometry.plane_poses`, the
+//!    best is compared in the end with the poses that a plane of its inliers allows.
 //! 3. A final refinement over the matches near the result, with the loss of choice.
 //! 4. The inliers decide which of the four poses it is ([`choose_pose`]); then all matches in front
 //!    of both cameras are counted as its support.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
-//! | | `score` | [`Score::Msac`] | Lebeda et al. |
-//! | | `sampler` | [`Sampler::Uniform`] | |
+//! | | `score` | [`Score::Msac`](super::Score::Msac) | Lebeda et al. |
+//! | | `sampler` | [`Sampler::Uniform`](super::Sampler::Uniform) | |
 //! | p | `early_stop.confidence` | 0.999 | the benchmark's protocol |
 //! | t | `score.threshold_px` | 1.0 | the benchmark's protocol |
 //! | | `geometry.cheirality` | yes | Chum, Werner, Matas, ICPR 2004; Hartley, Zisserman, sec. 9.6.3 |
@@ -42,7 +42,7 @@
 //! non-minimal linear solvers have no advantage.
 //!
 //! *Differs* from Lebeda et al.: their local optimisation begins after 50 samples, ours with the first (see
-//! [`consensus_until`]). `min_iterations` only says how many samples are drawn at least.
+//! [`consensus_until`](super::consensus_until)). `min_iterations` only says how many samples are drawn at least.
 
 mod params;
 #[cfg(feature = "serde")]

@@ -2,7 +2,7 @@
 
 use crate::seed::Rng;
 
-/// Draws minimal samples. One of the three parts of [`consensus`](super::consensus).
+/// Draws minimal samples. One of the three parts of [`consensus`](super::consensus()).
 pub trait Sampling {
     /// Fills `sample` with distinct indices of data. A sampler may depend on the number of earlier calls
     /// (PROSAC draws from more and more data).

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::simd;
 
-/// Rates models by their squared residuals. One of the three parts of [`consensus`](super::consensus).
+/// Rates models by their squared residuals. One of the three parts of [`consensus`](super::consensus()).
 pub trait Scoring {
     /// Quality and number of inliers of a model over the data in `range`, given their squared residuals. A
     /// score without [upper bounds](Self::upper_bound) may reorder or overwrite the slice (a median and a

@@ -5,7 +5,7 @@
 //! grid over the points of view `a` is drawn first, then a match in it, and the cells of a sample are
 //! distinct while there are enough.
 //!
-//! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus)). It holds if right matches
+//! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus())). It holds if right matches
 //! are as frequent in every cell; where they crowd in few cells, fewer samples are free of wrong matches than it
 //! says.
 //!

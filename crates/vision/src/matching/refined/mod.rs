@@ -11,9 +11,9 @@
 //! 1. The keypoints say how the neighbourhood of one is turned, scaled and, where they have ellipses, stretched in the other
 //!    image.
 //! 2. A window of 15 x 15 pixels about the point of `a` is compared with what this affine map makes of it in `b` (see
-//!    [`window`]). Brightness and contrast do not count.
+//!    `window`). Brightness and contrast do not count.
 //! 3. Gauss-Newton steps change all six numbers of the map until the windows agree best in the sense of least squares
-//!    (see [`alignment`]). The point of `b` becomes the place of the window's middle.
+//!    (see `alignment`). The point of `b` becomes the place of the window's middle.
 //!
 //! A match keeps its place where that fails: near the border, where scales differ by more than four times, where there is no
 //! texture, where the point would move too far, or where the windows are too unlike in the end. No match is left out.
