@@ -1,5 +1,7 @@
 //! What a run has planned but not recorded yet.
 
+use std::collections::HashMap;
+
 use super::ResultSet;
 use crate::counted::counted;
 use crate::records::{Plan, RunFolder, StoreError};
@@ -43,16 +45,24 @@ impl Unfinished {
         if plan.shard.is_some() {
             return None;
         }
+        let sets: HashMap<_, _> = (sets.iter())
+            .map(|set| ([&set.dataset, &set.matcher, &set.estimator], set))
+            .collect();
+        // A plan may have many thousands of methods, so only those that may be named get a sentence.
+        let mut unfinished = 0;
         for dataset in &plan.datasets {
+            let planned = plan.tasks_on(dataset);
             for matcher in plan.matchers_on(dataset) {
                 for estimator in &matcher.estimators {
-                    let names = [&dataset.name, &matcher.id, &estimator.id];
-                    let set = (sets.iter())
-                        .find(|set| [&set.dataset, &set.matcher, &set.estimator] == names);
-                    let (done, planned) = (set.map_or(0, recorded), plan.tasks_on(dataset));
-                    all.planned += planned;
-                    all.missing += planned.saturating_sub(done);
-                    if done != planned {
+                    let set = sets.get(&[&dataset.name, &matcher.id, &estimator.id]);
+                    let done = set.map_or(0, |set| recorded(set));
+                    all.planned = all.planned.saturating_add(planned);
+                    all.missing = all.missing.saturating_add(planned.saturating_sub(done));
+                    if done == planned {
+                        continue;
+                    }
+                    unfinished += 1;
+                    if unfinished <= NAMED + 1 {
                         all.sentences.push(format!(
                             "{} with {} on {}: {done} of {} recorded",
                             matcher.id,
@@ -64,14 +74,14 @@ impl Unfinished {
                 }
             }
         }
-        if all.sentences.len() > NAMED + 1 {
-            let more = all.sentences.split_off(NAMED).len();
+        if unfinished > NAMED + 1 {
+            all.sentences.truncate(NAMED);
             all.sentences.push(format!(
                 "not finished either: {}",
-                counted(more, "more method")
+                counted(unfinished - NAMED, "more method")
             ));
         }
-        (!all.sentences.is_empty()).then_some(all)
+        (unfinished > 0).then_some(all)
     }
 }
 
@@ -169,5 +179,24 @@ mod tests {
         let six = unfinished(&plan(&["room"], &["sift", "orb", "kaze"]), &[]);
         assert_eq!(six.len(), 5);
         assert_eq!(six[4], "not finished either: 2 more methods");
+    }
+
+    /// With a search among all results for each method this took minutes.
+    #[test]
+    fn many_methods_are_counted_at_once() {
+        let names: Vec<String> = (0..300).map(|i| format!("m{i}")).collect();
+        let names: Vec<&str> = names.iter().map(|name| &**name).collect();
+        let plan = plan(&names, &names);
+        let sets: Vec<ResultSet> = (names
+            .iter()
+            .flat_map(|of| names.iter().map(move |id| (of, id))))
+        .map(|(dataset, matcher)| ResultSet {
+            dataset: (*dataset).into(),
+            ..set(matcher, "rich", 6)
+        })
+        .collect();
+        let named = unfinished(&plan, &sets);
+        assert_eq!(named.len(), 5);
+        assert_eq!(named[4], "not finished either: 89996 more methods");
     }
 }

@@ -365,6 +365,11 @@ impl RunWriter {
             remove_leftovers_below(&path.join(folder), 1);
         }
         let plan_file = path.join(PLAN);
+        if let Some(reason) = plan.too_many_methods() {
+            // It could never be read again.
+            let what = format!("{}: {reason}; make several runs of it", plan_file.display());
+            return Err(io::Error::other(what).into());
+        }
         let written = read_plan(&plan_file)?;
         match &written {
             Some(written) => {
@@ -540,7 +545,7 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
         }),
         _ => {
             let plan: Plan = serde_json::from_slice(&text).map_err(damaged)?;
-            plan.wrong_name().map_or(Ok(Some(plan)), |reason| {
+            plan.refusal().map_or(Ok(Some(plan)), |reason| {
                 Err(FolderError::Damaged {
                     path: path.into(),
                     reason,

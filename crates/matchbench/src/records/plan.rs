@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::earlier_plans::modernized;
+use crate::counted::counted;
 use crate::estimators;
 use crate::files::check_name;
 use crate::matchers::Extraction;
@@ -50,9 +51,32 @@ pub struct ShardOf {
     pub number: u32,
 }
 
+/// The most methods, each on one dataset, of a plan: many more than a run could ever do, but few enough to be gone through.
+const MAX_METHODS: usize = 1_000_000;
+
 impl Plan {
-    /// What is wrong with a name in it: names become paths, and a plan may come from others.
-    pub(super) fn wrong_name(&self) -> Option<String> {
+    /// Why it is refused, if it is: a plan may come from others, its names become paths, and each of its methods is looked
+    /// for on each dataset.
+    pub(super) fn refusal(&self) -> Option<String> {
+        self.too_many_methods().or_else(|| self.wrong_name())
+    }
+
+    /// What is wrong if it has too many methods to be read again.
+    pub(super) fn too_many_methods(&self) -> Option<String> {
+        let of_matcher = |matcher: &MatcherPlan| matcher.estimators.len().max(1);
+        let methods: usize = self.matchers.iter().map(of_matcher).sum();
+        let all = self.datasets.len().saturating_mul(methods);
+        (all > MAX_METHODS).then(|| {
+            format!(
+                "{} with {}, which are {all} files of records; {MAX_METHODS} are the most of one run",
+                counted(methods, "method"),
+                counted(self.datasets.len(), "dataset")
+            )
+        })
+    }
+
+    /// What is wrong with a name in it.
+    fn wrong_name(&self) -> Option<String> {
         let datasets = self.datasets.iter().map(|dataset| &dataset.name);
         let methods = self.matchers.iter().flat_map(|matcher| {
             let estimators = matcher.estimators.iter().map(|estimator| &estimator.id);
@@ -225,7 +249,34 @@ fn first_format() -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
+
+    #[test]
+    fn a_plan_of_endless_methods_is_refused() {
+        let dataset = json!({"name": "d", "path": "d", "frames": 2, "pairs": 1, "fingerprint": ""});
+        let matcher =
+            json!({"id": "m", "params": {}, "estimators": [{"id": "best", "params": {}}]});
+        let plan = |datasets: usize, matchers: usize| -> Plan {
+            serde_json::from_value(json!({
+                "version": "0.1.0",
+                "settings": {"seed": 0, "repetitions": 1, "limit": null},
+                "datasets": vec![&dataset; datasets],
+                "matchers": vec![&matcher; matchers]
+            }))
+            .expect("a plan")
+        };
+        assert_eq!(plan(1000, 1000).refusal(), None);
+        let refusal = plan(1001, 1000).refusal().expect("more than a million");
+        assert!(
+            refusal.contains("1000 methods with 1001 datasets"),
+            "{refusal}"
+        );
+        let mut wrong = plan(1, 1);
+        wrong.matchers[0].id = "../m".into();
+        assert!(wrong.refusal().is_some(), "names are checked too");
+    }
 
     #[test]
     fn a_sample_is_spread_over_what_the_limit_leaves() {

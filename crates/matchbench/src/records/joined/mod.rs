@@ -10,7 +10,7 @@
 
 mod plan;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -162,11 +162,19 @@ struct Taken<'f> {
 /// From which run what is taken.
 fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, JoinError> {
     let mut all = Vec::new();
+    let asked: Vec<Planned<'_>> =
+        (folders.iter().map(|folder| Planned::of(folder.plan()))).collect();
     for dataset in &plan.datasets {
         for matcher in &plan.matchers {
             let mut found = BTreeMap::new();
             for (place, folder) in folders.iter().enumerate() {
+                let Some(estimators) = asked[place].of_matcher(&dataset.name, &matcher.id) else {
+                    continue;
+                };
                 for estimator in &matcher.estimators {
+                    if !estimators.contains(&*estimator.id) {
+                        continue;
+                    }
                     let count = records(folder, [&dataset.name, &matcher.id, &estimator.id])?;
                     if count > 0 {
                         found.insert((&*estimator.id, place), count);
@@ -192,6 +200,9 @@ fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, Jo
                 file.metadata().map_or(0, |file| file.len())
             };
             let largest = (places.iter().rev().filter(|place| size(place) > 0)).max_by_key(size);
+            if records.is_empty() && largest.is_none() {
+                continue;
+            }
             all.push(Taken {
                 dataset: dataset.name.clone(),
                 matcher: matcher.id.clone(),
@@ -229,18 +240,43 @@ fn only(
     }
 }
 
-/// The number of records of these names, a dataset, a matcher and an estimator, if they are planned there.
-fn records(folder: &RunFolder, names: [&str; 3]) -> Result<u64, StoreError> {
-    let [dataset, matcher, estimator] = names;
-    let plan = folder.plan();
-    let of_dataset = (plan.datasets.iter()).filter(|planned| planned.name == dataset);
-    let of_matcher = (of_dataset.flat_map(|planned| plan.matchers_on(planned)))
-        .filter(|planned| planned.id == matcher);
-    let mut estimators = of_matcher.flat_map(|planned| &planned.estimators);
-    let mut count = 0;
-    if estimators.any(|planned| planned.id == estimator) {
-        folder.for_each_of(names, |_| count += 1)?;
+/// What a run has planned, by its names.
+struct Planned<'p> {
+    /// The matchers of each dataset; `None` where it has all.
+    datasets: HashMap<&'p str, Option<HashSet<&'p str>>>,
+    /// The estimators of each matcher.
+    matchers: HashMap<&'p str, HashSet<&'p str>>,
+}
+
+impl<'p> Planned<'p> {
+    fn of(plan: &'p Plan) -> Self {
+        let set = |ids: &'p Vec<String>| ids.iter().map(|id| &**id).collect();
+        let estimators = |matcher: &'p MatcherPlan| {
+            let estimators = matcher.estimators.iter();
+            estimators.map(|estimator| &*estimator.id).collect()
+        };
+        Self {
+            datasets: (plan.datasets.iter())
+                .map(|dataset| (&*dataset.name, dataset.matchers.as_ref().map(set)))
+                .collect(),
+            matchers: (plan.matchers.iter())
+                .map(|matcher| (&*matcher.id, estimators(matcher)))
+                .collect(),
+        }
     }
+
+    /// The estimators of a matcher on a dataset, if it is run there.
+    fn of_matcher(&self, dataset: &str, matcher: &str) -> Option<&HashSet<&'p str>> {
+        let own = self.datasets.get(dataset)?;
+        let is_run = own.as_ref().is_none_or(|own| own.contains(matcher));
+        self.matchers.get(matcher).filter(|_| is_run)
+    }
+}
+
+/// The number of records of these names, a dataset, a matcher and an estimator.
+fn records(folder: &RunFolder, names: [&str; 3]) -> Result<u64, StoreError> {
+    let mut count = 0;
+    folder.for_each_of(names, |_| count += 1)?;
     Ok(count)
 }
 

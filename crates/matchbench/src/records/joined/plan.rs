@@ -1,6 +1,6 @@
 //! The plan of joined runs: what each of them planned, where they agree.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
@@ -15,7 +15,7 @@ use super::JoinError;
 pub(super) fn joined(folders: &[RunFolder]) -> Result<Plan, JoinError> {
     let mut plan: Option<Plan> = None;
     // The matchers of each dataset.
-    let mut run_on: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut run_on: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for folder in folders {
         let other = Plan {
             format: FORMAT,
@@ -26,10 +26,13 @@ pub(super) fn joined(folders: &[RunFolder]) -> Result<Plan, JoinError> {
                 run: folder.path().into(),
             });
         }
-        for dataset in &other.datasets {
-            let all = || other.matchers.iter().map(|matcher| matcher.id.clone());
-            let own = dataset.matchers.clone().unwrap_or_else(|| all().collect());
-            run_on.entry(dataset.name.clone()).or_default().extend(own);
+        let own = folder.plan();
+        for dataset in &own.datasets {
+            let run = run_on.entry(&dataset.name).or_default();
+            match &dataset.matchers {
+                Some(ids) => run.extend(ids.iter().map(|id| &**id)),
+                None => run.extend(own.matchers.iter().map(|matcher| &*matcher.id)),
+            }
         }
         match &mut plan {
             None => plan = Some(other),
@@ -47,13 +50,13 @@ pub(super) fn joined(folders: &[RunFolder]) -> Result<Plan, JoinError> {
         .map(|matcher| matcher.id.clone())
         .collect();
     let own = |dataset: &DatasetPlan| -> Vec<String> {
-        let run = &run_on[&dataset.name];
-        ids.iter().filter(|id| run.contains(id)).cloned().collect()
+        let run = &run_on[&*dataset.name];
+        (ids.iter().filter(|id| run.contains(&***id)).cloned()).collect()
     };
-    let of_each: Vec<Vec<String>> = plan.datasets.iter().map(own).collect();
-    let all_have_all = of_each.iter().all(|of| *of == ids);
-    for (dataset, own) in plan.datasets.iter_mut().zip(of_each) {
-        dataset.matchers = (!all_have_all).then_some(own);
+    let has_all = |dataset: &DatasetPlan| own(dataset) == ids;
+    let all_have_all = plan.datasets.iter().all(has_all);
+    for dataset in &mut plan.datasets {
+        dataset.matchers = (!all_have_all).then(|| own(dataset));
     }
     Ok(plan)
 }

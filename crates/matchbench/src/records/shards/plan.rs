@@ -108,7 +108,7 @@ impl ShardPlan {
         if plan.hash != plan.content_hash() {
             return Err(damaged("its hash is not that of its content".into()));
         }
-        if let Some(wrong) = plan.plan.wrong_name() {
+        if let Some(wrong) = plan.plan.refusal() {
             return Err(damaged(wrong));
         }
         plan.cut.check(&plan.plan).map_err(damaged)?;
