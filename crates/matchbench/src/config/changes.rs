@@ -5,6 +5,12 @@ use serde_json::{Map, Value};
 
 use super::{ConfigError, merge};
 
+/// The most names of a setting, from the id on. Parameters have four, and each name is a level of recursion wherever
+/// they are read.
+const MAX_NAMES: usize = 16;
+/// Letters of a setting that an error shows.
+const SHOWN: usize = 80;
+
 /// Changed parameters: for the id of a matcher or estimator, a JSON object.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(transparent)]
@@ -15,11 +21,13 @@ impl Changes {
     /// `{"sift": {"ratio": 0.7, "extractor": {"sigma": 1}}}`. Later settings replace earlier ones.
     ///
     /// # Errors
-    /// If a setting has another form, or sets a part of something to which an earlier setting gave a value.
+    /// If a setting has another form or too many names, or sets a part of something to which an earlier setting gave a
+    /// value.
     pub fn parse(settings: &[String]) -> Result<Self, ConfigError> {
         let mut changes = Map::new();
         for setting in settings {
-            insert(&mut changes, setting).map_err(|reason| ConfigError::new(setting, reason))?;
+            insert(&mut changes, setting)
+                .map_err(|reason| ConfigError::new(&shown(setting), reason))?;
         }
         Ok(Self(changes))
     }
@@ -76,6 +84,13 @@ fn insert(changes: &mut Map<String, Value>, setting: &str) -> Result<(), String>
     if names.len() < 2 || value.is_empty() || names.iter().any(|name| name.is_empty()) {
         return Err("expected ID.NAME=VALUE, for example sift.ratio=0.7".into());
     }
+    if names.len() > MAX_NAMES {
+        let found = names.len();
+        return Err(format!(
+            "{found} names with a dot between them, and no parameter has more than {MAX_NAMES}; expected \
+             ID.NAME=VALUE, for example sift.ratio=0.7"
+        ));
+    }
     let last = names.pop().expect("at least two names");
     let mut object = changes;
     for name in names {
@@ -87,6 +102,14 @@ fn insert(changes: &mut Map<String, Value>, setting: &str) -> Result<(), String>
     }
     object.insert(last.into(), parse_value(value));
     Ok(())
+}
+
+/// A setting as an error shows it.
+fn shown(setting: &str) -> String {
+    match setting.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}...", &setting[..end]),
+        None => setting.into(),
+    }
 }
 
 #[cfg(test)]
@@ -122,6 +145,20 @@ mod tests {
         assert_eq!(together, parse(&both));
         assert!(together.hold(&other) && together.hold(&parse(&["sift.ratio=0.7"])));
         assert!(!together.hold(&one) && !one.hold(&other));
+    }
+
+    /// It would end the process, whose stack such an object outgrows.
+    #[test]
+    fn a_setting_of_endless_depth_is_refused_in_few_words() {
+        let deep = format!("orb.{}b=1", "a.".repeat(100_000));
+        let message = Changes::parse(&[deep]).unwrap_err().to_string();
+        assert!(
+            message.contains("`orb.a.a.a.") && message.len() < 300,
+            "{message}"
+        );
+        assert!(message.contains("100002 names with a dot"), "{message}");
+        let deepest = format!("orb.{}b=1", "a.".repeat(MAX_NAMES - 2));
+        assert!(Changes::parse(&[deepest]).is_ok());
     }
 
     #[test]
