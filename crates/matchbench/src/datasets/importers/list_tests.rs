@@ -329,6 +329,39 @@ fn megadepth_is_read_from_loftrs_pickle() {
     assert!(!out.exists());
 }
 
+/// A pickle of a megabyte can refer to one pair a hundred thousand times, and each time to a long name.
+#[test]
+fn megadepth_refuses_pairs_that_are_repeated_and_paths_without_an_end() {
+    let bytes = fs::read(fixture("megadepth.npz")).unwrap();
+    let (_folder, src) = source("set", &[("forged.npz", "")]);
+    let file = src.join("forged.npz");
+    let refused = |forged: &[u8], expected: &str| {
+        fs::write(&file, forged).unwrap();
+        let error = read("megadepth", &file).unwrap_err();
+        assert!(error.what.contains(expected), "{error}");
+    };
+    let pair = |i: u64, j: u64| [i, j].map(u64::to_le_bytes).concat();
+    let at = bytes.windows(16).rposition(|bytes| bytes == pair(0, 2));
+    let mut twice = bytes.clone();
+    twice[at.unwrap()..][..16].copy_from_slice(&pair(3, 0));
+    refused(
+        &twice,
+        "pair 1: images 3 and 0 are a pair of this file already",
+    );
+    // A short text has its length in one byte, a longer one in four; the length of all stands in front.
+    for (name, image) in [("3.png", 3), ("0.h5", 0)] {
+        let short = [&[0x8c, name.len() as u8], name.as_bytes()].concat();
+        let at = bytes.windows(short.len()).position(|bytes| bytes == short);
+        let long = [b"X", &5000_u32.to_le_bytes()[..], &[b'a'; 5000]].concat();
+        let mut forged = bytes.clone();
+        forged.splice(at.unwrap()..at.unwrap() + short.len(), long);
+        let length = forged.len() as u64 - 11;
+        forged[3..11].copy_from_slice(&length.to_le_bytes());
+        let what = format!("the path of image {image} or of its depth has 5000 bytes");
+        refused(&forged, &what);
+    }
+}
+
 #[test]
 fn megadepth_is_read_from_glue_factorys_texts() {
     let views = "p/a.png 1 0 0 0 1 0 0 0 1 0 0 0 PINHOLE 24 17 20 21 12 8.5\n\

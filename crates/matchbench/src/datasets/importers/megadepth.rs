@@ -18,9 +18,9 @@
 //! Depth is taken where its file exists: LoFTR's `depth_paths` (below the same root), or glue-factory's
 //! `depths/NAME.h5` beside `views.txt`. It has the unit of length of the poses.
 
-use std::collections::{BTreeMap, HashMap};
-use std::fs;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use std::{fs, iter};
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
@@ -34,6 +34,9 @@ use crate::datasets::pairs::relative_pose;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, DepthFile, DepthUnit, Frame, Pair, Turn};
 use crate::files::read_file;
+
+/// Longest path of an image or of its depth in one of LoFTR's files, in bytes: that of a path on most systems.
+const MAX_NAME: usize = 4096;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let views = if src.is_dir() {
@@ -139,14 +142,28 @@ impl<'a> Listing<'a> {
         frames: &mut NamedFrames,
         pairs: &mut Vec<Pair>,
     ) -> Result<(), String> {
+        // A pickle can refer to one pair, or to one long name, many times with few bytes.
+        let mut numbers = HashMap::new();
+        let mut seen = HashSet::new();
         for (row, &info) in self.pairs.iter().enumerate() {
+            let mut number = |image: usize| {
+                if let Some(&number) = numbers.get(&image) {
+                    return Ok(number);
+                }
+                let number = self.frame(image, root, frames)?;
+                numbers.insert(image, number);
+                Ok::<u32, String>(number)
+            };
             let found = self.pair(info).and_then(|[i, j]| {
                 if i == j {
                     return Err(format!("image {i} is matched with itself"));
                 }
-                let a = self.frame(i, root, frames)?;
-                let b = self.frame(j, root, frames)?;
-                Ok((a, b))
+                if !seen.insert([i, j]) {
+                    return Err(format!(
+                        "images {i} and {j} are a pair of this file already; take one of them out"
+                    ));
+                }
+                Ok((number(i)?, number(j)?))
             });
             let (a, b) = found.map_err(|what| format!("pair {row}: {what}"))?;
             let pose = |number: u32| {
@@ -166,7 +183,9 @@ impl<'a> Listing<'a> {
             return Err(wrong());
         };
         let numbers: Vec<f64> = match info.first().map(|&id| self.pickled.value(id)) {
-            Some(Value::Array(array)) => array.to_vec(),
+            Some(Value::Array(array)) if array.shape().iter().product::<usize>() == 2 => {
+                array.to_vec()
+            }
             Some(Value::List(items)) if items.len() == 2 => (items.iter())
                 .filter_map(|&id| match self.pickled.value(id) {
                     Value::Number(number) => Some(*number),
@@ -199,6 +218,19 @@ impl<'a> Listing<'a> {
         ) else {
             return Err(format!("image {image} has no path, K or pose"));
         };
+        let depth = match value(self.depths) {
+            Some(Value::Text(depth)) => Some(depth),
+            _ => None,
+        };
+        if let Some(long) = iter::once(name)
+            .chain(depth)
+            .find(|path| path.len() > MAX_NAME)
+        {
+            return Err(format!(
+                "the path of image {image} or of its depth has {} bytes, more than {MAX_NAME}",
+                long.len()
+            ));
+        }
         if k.shape() != [3, 3] || pose.shape() != [4, 4] {
             return Err(format!("K or pose of image {image} has another shape"));
         }
@@ -210,8 +242,8 @@ impl<'a> Listing<'a> {
         let camera = from_corner(camera.map_err(of_image)?);
         let pose = camera_from_world.inverse();
         let number = frames.number(root.join(name), Turn::None, camera, Some(pose));
-        if let Some(Value::Text(name)) = value(self.depths) {
-            frames.set_depth(number, depth_at(root.join(name)));
+        if let Some(depth) = depth {
+            frames.set_depth(number, depth_at(root.join(depth)));
         }
         // Another file may name the image too.
         let known = frames.frame(number).world_from_camera;
