@@ -66,16 +66,31 @@ pub enum ErrorTableError {
         /// What is wrong and what to do.
         problem: String,
     },
+    /// Two tables are of one dataset.
+    #[error(
+        "{} and {} are both of the dataset {}, which would count twice; take one of them out of the folder",
+        files[0].display(), files[1].display(), stem(&files[0])
+    )]
+    Twice {
+        /// The files.
+        files: [PathBuf; 2],
+    },
     /// There is no table.
     #[error("{}: no tables of errors here; they are <dataset>.txt or <dataset>.csv", .0.display())]
     Empty(PathBuf),
 }
 
+/// The name of the dataset that a table is of.
+fn stem(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default();
+    stem.to_string_lossy().into_owned()
+}
+
 /// Reads every table of a folder, in the order of their names.
 ///
 /// # Errors
-/// A file that cannot be read, a header without errors, or a line that makes no sense, named by
-/// file and line.
+/// A file that cannot be read, a header without errors or with two columns of one kind, or a line that makes no sense,
+/// named by file and line; two tables of one dataset.
 pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
@@ -94,10 +109,13 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
         return Err(ErrorTableError::Empty(folder.to_path_buf()));
     }
     files.sort();
-    let name = |path: &Path| {
-        let stem = path.file_stem().unwrap_or_default();
-        stem.to_string_lossy().into_owned()
-    };
+    let mut of_datasets = HashMap::new();
+    for file in &files {
+        if let Some(other) = of_datasets.insert(stem(file), file) {
+            let files = [other, file].map(PathBuf::clone);
+            return Err(ErrorTableError::Twice { files });
+        }
+    }
     let whole = fs::canonicalize(folder).map_err(io(folder))?;
     let method = whole.file_name().unwrap_or_default();
     (files.iter())
@@ -115,7 +133,7 @@ pub fn load_errors(folder: &Path) -> Result<Vec<ResultSet>, ErrorTableError> {
             })?;
             let pairs = parse(&text).map_err(wrong)?;
             Ok(ResultSet {
-                dataset: name(file),
+                dataset: stem(file),
                 matcher: method.to_string_lossy().into_owned(),
                 estimator: String::new(),
                 repetitions: 1,
@@ -179,7 +197,8 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
         }
     };
     let header = split(header);
-    let columns = columns(&header).ok_or_else(|| {
+    let columns = columns(&header).map_err(|problem| (at, problem))?;
+    let columns = columns.ok_or_else(|| {
         let problem = format!(
             "no columns of errors among `{}`; name them {} and {}, or {}",
             header.join(" "),
@@ -189,9 +208,7 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
         );
         (at, problem)
     })?;
-    let identifiers = header
-        .iter()
-        .position(|head| head.eq_ignore_ascii_case(IDENTIFIERS));
+    let identifiers = column(&header, &[IDENTIFIERS]).map_err(|problem| (at, problem))?;
     let lines: Vec<(usize, Vec<String>)> = lines.map(|(line, row)| (line, split(row))).collect();
     let named = |fields: &[String]| images(fields.get(identifiers?)?);
     let mut numbers = BTreeMap::new();
@@ -251,17 +268,32 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
         .collect()
 }
 
-fn columns(header: &[String]) -> Option<Columns> {
-    let find = |names: &[&str]| {
-        let is_it = |head: &String| names.contains(&&*head.to_ascii_lowercase());
-        header.iter().position(is_it)
-    };
-    match (find(&ROTATION), find(&TRANSLATION)) {
-        (Some(rotation), Some(translation)) => Some(Columns::Apart {
-            rotation,
-            translation,
-        }),
-        _ => find(&POSE).map(Columns::Larger),
+/// Where the errors are, if they are there; or what is wrong with the header.
+fn columns(header: &[String]) -> Result<Option<Columns>, String> {
+    Ok(
+        match (column(header, &ROTATION)?, column(header, &TRANSLATION)?) {
+            (Some(rotation), Some(translation)) => Some(Columns::Apart {
+                rotation,
+                translation,
+            }),
+            _ => column(header, &POSE)?.map(Columns::Larger),
+        },
+    )
+}
+
+/// The only column that has one of these names, if there is one.
+fn column(header: &[String], names: &[&str]) -> Result<Option<usize>, String> {
+    let is_it = |head: &String| names.contains(&&*head.to_ascii_lowercase());
+    let mut found = (0..header.len()).filter(|&index| is_it(&header[index]));
+    match (found.next(), found.next()) {
+        (Some(first), Some(second)) => Err(format!(
+            "columns {} (`{}`) and {} (`{}`) hold the same, and which of them counts is unknown; rename or take out one",
+            first + 1,
+            header[first],
+            second + 1,
+            header[second]
+        )),
+        (found, _) => Ok(found),
     }
 }
 
@@ -402,6 +434,15 @@ mod tests {
         for (text, expected) in [
             ("", "the table is empty"),
             ("a,b\n1,2\n", "no columns of errors among `a b`"),
+            (
+                "R_errs,rotation_error,t_errs\n1,2,3\n",
+                "columns 1 (`R_errs`) and 2 (`rotation_error`) hold the same",
+            ),
+            ("max_error pose_err\n1 1\n", "columns 1 (`max_error`)"),
+            (
+                "pose_error Identifiers identifiers\n1 a#b a#b\n",
+                "columns 2 (`Identifiers`)",
+            ),
             ("R_errs t_errs\n1\n", "1 fields under 2 heads"),
             ("R_errs t_errs\n1 x\n", "`x` is not a number"),
             ("R_errs t_errs\n1 -4\n", "`-4` is not an angle"),
@@ -409,7 +450,7 @@ mod tests {
         ] {
             let (line, problem) = parse(text).expect_err(expected);
             assert!(problem.contains(expected), "{problem}");
-            assert_eq!(line, 1 + usize::from(text.contains("errs")));
+            assert_eq!(line, 1 + usize::from(text.starts_with("R_errs t_errs")));
         }
     }
 
@@ -440,5 +481,13 @@ mod tests {
             .map(|set| (&*set.dataset, &*set.matcher, set.pairs.len()))
             .collect();
         assert_eq!(names, [("ICL", "root_sift", 2), ("KITTI", "root_sift", 2)]);
+        fs::write(folder.join("ICL.txt"), "pose_error\n1\n").expect("it is ours");
+        let error = load_errors(&folder)
+            .expect_err("ICL would count twice")
+            .to_string();
+        assert!(
+            error.contains("ICL.csv and ") && error.contains("ICL.txt are both of the dataset ICL"),
+            "{error}"
+        );
     }
 }
