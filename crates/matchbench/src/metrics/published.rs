@@ -6,7 +6,7 @@
 //! of the rows of the matchers' files. It is used where no `pairs.txt` is named. A `pairs.txt` has
 //! precedence: it says which pairs count, while a truth only says what is true.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::datasets::{Pair, Sequence, read_pairs, read_poses_of_pairs};
@@ -132,7 +132,7 @@ fn judged(
             listed.retain(|pair| pair.pose().is_some());
             (listed, Some(dir))
         }
-        (_, Some(truth)) => (read_truth(&truth, &files[0].1)?, None),
+        (_, Some(truth)) => (read_truth(&truth, &files)?, None),
         _ => {
             return Err(ResultsError::Layout {
                 path: results.to_path_buf(),
@@ -172,9 +172,9 @@ fn is_dataset(datasets: &Path, name: &str) -> bool {
     datasets.join(name).join("pairs.txt").is_file()
 }
 
-/// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the
-/// results in `first`.
-fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
+/// The true poses of a `groundtruth.txt`; where its rows name no pairs, they are those of the results in the first of
+/// the `files`, and the others must have their order.
+fn read_truth(truth: &Path, files: &[(String, PathBuf)]) -> Result<Vec<Pair>, ResultsError> {
     let path = || truth.to_path_buf();
     let text = read_text_lines(truth).map_err(|error| match error {
         LineError::Io(error) => ResultsError::Io {
@@ -191,13 +191,55 @@ fn read_truth(truth: &Path, first: &Path) -> Result<Vec<Pair>, ResultsError> {
     })?;
     let row = text.lines().find(|line| !line.trim().is_empty());
     if row.is_some_and(|row| row.split_whitespace().count() == 12) {
+        let first = &files[0].1;
         let pairs: Vec<(u32, u32)> = (authors::read(first)?.iter())
             .map(|row| (row.a, row.b))
             .collect();
+        let places: HashMap<(u32, u32), usize> = pairs.iter().copied().zip(0..).collect();
+        for (_, file) in &files[1..] {
+            refuse_other_order(truth, first, &places, file)?;
+        }
         Ok(read_poses_of_pairs(truth, &pairs)?)
     } else {
         Ok(read_pairs(truth)?)
     }
+}
+
+/// Refuses a `file` whose pairs stand in another order than their `places` in the `first`: one of the two does not have
+/// the order of a `truth` that names no pairs, and nothing tells which.
+fn refuse_other_order(
+    truth: &Path,
+    first: &Path,
+    places: &HashMap<(u32, u32), usize>,
+    file: &Path,
+) -> Result<(), ResultsError> {
+    let mut before: Option<(usize, Row)> = None;
+    for row in authors::read(file)? {
+        // Pairs that the first does not have are without a truth.
+        let Some(&place) = places.get(&(row.a, row.b)) else {
+            continue;
+        };
+        if let Some((last, other)) = before
+            && place < last
+        {
+            return Err(ResultsError::Line {
+                path: file.to_path_buf(),
+                line: row.line,
+                problem: format!(
+                    "the pair {} {} stands behind {} {}, and before it in {}; {} names no pairs, so all files must have its \
+                     order; begin each of its rows with `a b`",
+                    row.a,
+                    row.b,
+                    other.a,
+                    other.b,
+                    first.display(),
+                    truth.display()
+                ),
+            });
+        }
+        before = Some((place, row));
+    }
+    Ok(())
 }
 
 /// The rows of one file against the listed pairs; the names are left empty.
@@ -293,6 +335,39 @@ mod tests {
             assert_eq!((sets[0].pairs.len(), sets[0].ignored), (66, 0));
             assert_eq!(auc(&sets[0]), 63.0 / 66.0);
         }
+    }
+
+    #[test]
+    fn a_truth_without_names_of_pairs_asks_for_one_order_of_all_files() {
+        let folder = published(|_, _| format!("{POSE}\n"));
+        let castle = folder.path().join("05-castle");
+        let rows = fs::read_to_string(castle.join("sift.txt")).expect("it was written");
+        let other = castle.join("abc.txt");
+        let mut lines: Vec<&str> = rows.lines().collect();
+        // Pairs that are not there change no order, and neither do those that the other does not have.
+        let fewer = [
+            &lines[5..20],
+            &["40 41 0 1 0 0 0 0 1 0 0 0 0 1 0"],
+            &lines[30..],
+        ]
+        .concat();
+        fs::write(castle.join("tenth.txt"), fewer.join("\n")).expect("it is ours");
+        assert_eq!(load(folder.path(), None).expect("in order").len(), 3);
+        lines.reverse();
+        fs::write(&other, lines.join("\n")).expect("it is ours");
+        let error = load(folder.path(), None)
+            .expect_err("one is wrong")
+            .to_string();
+        let expected = "sift.txt:2: the pair 0 2 stands behind 0 1, and before it in ";
+        assert!(
+            error.contains(expected) && error.contains("abc.txt; ") && error.contains("`a b`"),
+            "{error}"
+        );
+        let named = published(|a, b| format!("{a} {b} {POSE}\n"));
+        let castle = named.path().join("05-castle");
+        fs::write(castle.join("abc.txt"), lines.join("\n")).expect("it is ours");
+        let sets = load(named.path(), None).expect("the truth has names");
+        assert_eq!(auc(&sets[0]), auc(&sets[1]));
     }
 
     #[test]
