@@ -63,7 +63,7 @@ pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
     file
 }
 
-/// The features in a file, if they were saved under `key` and the file is complete.
+/// The features in a file, if they were saved under `key`, the file is complete, and all its numbers are finite.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
     if blake3::hash(content) != *<&[u8; CHECKSUM]>::try_from(checksum).ok()? {
@@ -101,8 +101,13 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     }
     let descriptors = match layout {
         FLOATS => {
-            let data = rows.as_chunks().0.iter().map(|x| f32::from_le_bytes(*x));
-            Descriptors::Float(FloatRows::from_vec(width, data.collect()))
+            let data: Vec<f32> = (rows.as_chunks().0.iter())
+                .map(|x| f32::from_le_bytes(*x))
+                .collect();
+            if !data.iter().all(|value| value.is_finite()) {
+                return None;
+            }
+            Descriptors::Float(FloatRows::from_vec(width, data))
         }
         BYTES => {
             let data = rows.iter().map(|&x| f32::from(x));
@@ -196,6 +201,26 @@ mod tests {
                 assert_eq!(from_bytes(&damaged, KEY), None);
             }
             assert_eq!(from_bytes(&file, Key([8; 32])), None);
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_no_features_whatever_the_checksum() {
+        for wrong in [f32::NAN, f32::INFINITY] {
+            let [_, floats, ..] = examples();
+            let [.., framed, _] = examples();
+            let mut of_keypoints = floats.clone();
+            of_keypoints.keypoints[1].at.x = wrong;
+            let mut of_sizes = floats.clone();
+            of_sizes.keypoints[0].size = wrong;
+            let mut of_angles = floats;
+            of_angles.keypoints[0].angle = Some(wrong);
+            let data = vec![0.5, 1.0, wrong, 1.0];
+            let of_values = features(Descriptors::Float(FloatRows::from_vec(2, data)));
+            let of_frames = framed.with_frames(vec![[1.0, 0.0, wrong, 1.0]]);
+            for forged in [of_keypoints, of_sizes, of_angles, of_values, of_frames] {
+                assert_eq!(from_bytes(&to_bytes(&forged, KEY), KEY), None);
+            }
         }
     }
 

@@ -1,4 +1,6 @@
 //! Code that both kinds of cache files share: numbers, keypoints, the checksum at the end.
+//!
+//! No features have numbers that are not finite, so a file with one is as good as torn, whatever its checksum says.
 
 use matchbench_vision::features::Keypoint;
 use nalgebra::Point2;
@@ -33,8 +35,9 @@ impl Reader<'_> {
         usize::try_from(u64::from_le_bytes(self.array()?)).ok()
     }
 
+    /// A number that is finite.
     fn float(&mut self) -> Option<f32> {
-        self.array().map(f32::from_le_bytes)
+        (self.array().map(f32::from_le_bytes)).filter(|number| number.is_finite())
     }
 
     /// An affine frame: four numbers, row after row.

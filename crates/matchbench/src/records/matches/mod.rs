@@ -24,6 +24,9 @@
 //! A process that is killed leaves at most one entry without its end, which is cut off by whoever
 //! appends next.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::BTreeMap;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -235,8 +238,15 @@ impl MatchesFile {
         let length = entry_length(count);
         (file.take((length - HEADER) as u64).read_to_end(&mut entry)).map_err(io)?;
         let whole = entry.len() == length;
-        (whole.then(|| from_bytes(&entry)).flatten().map(Some))
-            .ok_or_else(|| self.damaged("its checksum is not that of its content"))
+        if !whole || !is_sound(&entry) {
+            return Err(self.damaged("its checksum is not that of its content"));
+        }
+        let (a, b, repetition) = key;
+        from_bytes(&entry).map(Some).map_err(|what| {
+            self.damaged(&format!(
+                "the matches of {a} {b} in repetition {repetition}: {what}"
+            ))
+        })
     }
 
     /// Appends the matches of a pair; when this returns, killing the process cannot lose them.
@@ -378,203 +388,55 @@ fn to_bytes((a, b, repetition): MatchesKey, matches: &SelectedMatches, same: boo
     entry
 }
 
-fn from_bytes(entry: &[u8]) -> Option<SelectedMatches> {
-    if !is_sound(entry) {
-        return None;
-    }
-    let content = &entry[..entry.len() - CHECKSUM];
-    let (header, rows) = content.split_first_chunk()?;
+/// The counts in the header of an entry that repeats none.
+fn counts(header: &[u8; HEADER]) -> Counts {
     let [_, _, _, features_a, features_b, putative, count] = numbers(header);
-    let (selected, columns) = matches_of(count);
-    let (rows, mut rest) = rows.split_at_checked(selected * MATCH)?;
+    Counts {
+        features_a,
+        features_b,
+        putative,
+        selected: u32::try_from(matches_of(count).0).unwrap_or(u32::MAX),
+    }
+}
+
+/// The matches of a whole entry that is [sound](is_sound); or what is wrong with its numbers: whoever forges matches can
+/// forge their checksum.
+fn from_bytes(entry: &[u8]) -> Result<SelectedMatches, String> {
+    let content = &entry[..entry.len() - CHECKSUM];
+    let (header, rows) = (content.split_first_chunk()).expect("the caller read a header");
+    let counts = counts(header);
+    let selected = counts.selected as usize;
+    let (_, columns) = matches_of(numbers(header)[6]);
+    let (rows, mut rest) = rows.split_at(selected * MATCH);
     let mut points = MatchedPoints::default();
-    for row in rows.as_chunks::<MATCH>().0 {
+    for (number, row) in rows.as_chunks::<MATCH>().0.iter().enumerate() {
         let at = |index: usize| f32::from_le_bytes(row.as_chunks().0[index]);
-        // Whoever forges matches can forge their checksum.
         if !(0..4).all(|index| at(index).is_finite()) {
-            return None;
+            return Err(format!("match {number} has a position that is not finite"));
+        }
+        // Of one that is not the nearest it is above 1, and infinite if its second nearest is at no distance.
+        if at(4).is_nan() || at(4) < 0.0 {
+            return Err(format!("match {number} has the ambiguity {}", at(4)));
         }
         let point = |x: f32, y: f32| Point2::new(x, y).cast();
         points.push(point(at(0), at(1)), point(at(2), at(3)), at(4));
     }
-    let mut column = |is_there: bool| -> Option<Option<Vec<f32>>> {
+    let mut column = |is_there: bool, name: &str| -> Result<Option<Vec<f32>>, String> {
         if !is_there {
-            return Some(None);
+            return Ok(None);
         }
-        let values = rest.split_off(..selected * COLUMN)?.as_chunks().0.iter();
-        Some(Some(
-            values.map(|&bytes| f32::from_le_bytes(bytes)).collect(),
-        ))
+        let (values, after) = rest.split_at(selected * COLUMN);
+        rest = after;
+        let values = values.as_chunks().0.iter();
+        let values: Vec<f32> = values.map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(number) => Err(format!("match {number} has a {name} that is not finite")),
+            None => Ok(Some(values)),
+        }
     };
-    let (turns, growths) = (column(columns[0])?, column(columns[1])?);
-    if !(turns.iter().chain(&growths).flatten()).all(|value| value.is_finite()) {
-        return None;
-    }
-    Some(SelectedMatches {
-        counts: Counts {
-            features_a,
-            features_b,
-            putative,
-            selected: u32::try_from(selected).ok()?,
-        },
+    let (turns, growths) = (column(columns[0], "turn")?, column(columns[1], "growth")?);
+    Ok(SelectedMatches {
+        counts,
         points: points.with_turns(turns).with_growths(growths),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use super::*;
-
-    fn matches(count: u32) -> SelectedMatches {
-        let points = |by: f64| {
-            (0..count)
-                .map(|i| Point2::new(f64::from(i) * by, -0.5))
-                .collect()
-        };
-        let counts = Counts {
-            features_a: 90,
-            features_b: 80,
-            putative: 70,
-            selected: count,
-        };
-        let ambiguity = (0..count).map(|i| 1.0 / (i + 1) as f32).collect();
-        let points = MatchedPoints::new(points(1.5), points(0.1), ambiguity);
-        SelectedMatches::new(counts, &points)
-    }
-
-    /// The same, with turns.
-    fn turned(count: u32) -> SelectedMatches {
-        let SelectedMatches { counts, points } = matches(count);
-        let turns = (0..count).map(|i| i as f32 - 0.1).collect();
-        SelectedMatches {
-            counts,
-            points: points.with_turns(Some(turns)),
-        }
-    }
-
-    /// The same, with growths.
-    fn grown(matches: SelectedMatches) -> SelectedMatches {
-        let SelectedMatches { counts, points } = matches;
-        let growths = (0..counts.selected).map(|i| 0.3 - i as f32).collect();
-        SelectedMatches {
-            counts,
-            points: points.with_growths(Some(growths)),
-        }
-    }
-
-    /// A file with the matches of five tasks, the second the same as the first.
-    fn several() -> (
-        tempfile::TempDir,
-        PathBuf,
-        [(MatchesKey, SelectedMatches); 5],
-    ) {
-        let folder = tempfile::tempdir().unwrap();
-        let file = path(folder.path(), "office", "sift");
-        let entries = [
-            ((0, 1, 0), matches(5)),
-            ((0, 1, 1), matches(5)),
-            ((0, 2, 0), turned(3)),
-            ((0, 3, 0), grown(matches(4))),
-            ((0, 4, 0), grown(turned(2))),
-        ];
-        let mut writer = MatchesFile::open(&file).unwrap();
-        for (key, matches) in &entries {
-            writer.append(*key, matches).unwrap();
-            writer.append(*key, matches).unwrap();
-        }
-        (folder, file, entries)
-    }
-
-    #[test]
-    fn matches_come_back_bit_for_bit() {
-        let (_folder, file, entries) = several();
-        let read = MatchesFile::open(&file).unwrap();
-        for (key, matches) in entries {
-            assert_eq!(read.read(key).unwrap(), Some(matches));
-        }
-        assert_eq!(read.read((0, 2, 1)).unwrap(), None);
-    }
-
-    #[test]
-    fn matches_of_a_repetition_that_are_the_same_take_no_room() {
-        let (_folder, file, _) = several();
-        let counts = [
-            5,
-            AS_BEFORE,
-            3 | WITH_TURNS,
-            4 | WITH_GROWTHS,
-            2 | WITH_TURNS | WITH_GROWTHS,
-        ];
-        let expected = MAGIC.len() + counts.map(entry_length).iter().sum::<usize>();
-        assert_eq!(entry_length(3 | WITH_TURNS), entry_length(3) + 12);
-        assert_eq!(entry_length(counts[4]), entry_length(2) + 16);
-        assert_eq!(fs::metadata(file).unwrap().len(), expected as u64);
-    }
-
-    #[test]
-    fn those_of_chosen_indices_keep_all_that_is_known_of_them() {
-        let chosen = grown(turned(5)).of_indices(&[4, 9, 0]);
-        assert_eq!(chosen.counts.selected, 2);
-        assert_eq!(chosen.points.turns, Some(vec![3.9, -0.1]));
-        assert_eq!(chosen.points.growths, Some(vec![-3.7, 0.3]));
-        assert_eq!(chosen.points.a[0], turned(5).points.a[4]);
-        assert_eq!(matches(5).of_indices(&[1]).points.turns, None);
-    }
-
-    #[test]
-    fn a_turn_or_growth_that_is_not_finite_is_damage_whatever_the_checksum() {
-        for of in 0..2 {
-            let mut forged = grown(turned(3));
-            let SelectedMatches { points, .. } = &mut forged;
-            let column = [&mut points.turns, &mut points.growths];
-            *column[of] = Some(vec![0.0, f32::NAN, 0.0]);
-            let entry = to_bytes((0, 1, 0), &forged, false);
-            assert!(is_sound(&entry) && from_bytes(&entry).is_none());
-        }
-        assert!(from_bytes(&to_bytes((0, 1, 0), &grown(turned(3)), false)).is_some());
-    }
-
-    #[test]
-    fn a_torn_file_is_completed_wherever_it_was_torn() {
-        let (_folder, file, entries) = several();
-        let whole = fs::read(&file).unwrap();
-        for length in 0..whole.len() {
-            fs::write(&file, &whole[..length]).unwrap();
-            let mut torn = MatchesFile::open(&file).unwrap();
-            assert!(!torn.contains((0, 4, 0)));
-            for (key, matches) in &entries {
-                torn.append(*key, matches).unwrap();
-            }
-            drop(torn);
-            assert_eq!(fs::read(&file).unwrap(), whole, "torn at byte {length}");
-        }
-    }
-
-    #[test]
-    fn damage_is_refused_with_the_file() {
-        let (_folder, file, _) = several();
-        let whole = fs::read(&file).unwrap();
-        let mut damaged = whole.clone();
-        damaged[MAGIC.len() + HEADER + 3] ^= 1;
-        fs::write(&file, &damaged).unwrap();
-        let error = MatchesFile::open(&file).unwrap().read((0, 1, 0));
-        let message = error.unwrap_err().to_string();
-        assert!(
-            message.contains("sift.bin") && message.contains("delete"),
-            "{message}"
-        );
-        // The number of matches of the first entry: it is not taken for one that was torn.
-        let mut damaged = whole;
-        damaged[MAGIC.len() + HEADER - 2] ^= 0x80;
-        fs::write(&file, &damaged).unwrap();
-        let message = MatchesFile::open(&file).unwrap_err().to_string();
-        assert!(
-            message.contains("sift.bin: damaged (an entry says that it has 8388613 matches)"),
-            "{message}"
-        );
-        fs::write(&file, b"something else").unwrap();
-        assert!(MatchesFile::open(&file).is_err());
-    }
 }
