@@ -37,7 +37,7 @@ impl<'a> Kept<'a> {
     ) -> Result<Self, RunError> {
         let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
         let folder = folder.folder();
-        let matches = (keep == KeepMatches::All).then(|| folder.matches_of(dataset, matcher));
+        let matches = (keep == KeepMatches::All).then(|| progress.own_matches(folder));
         let estimators: &[Variant] = match keep {
             KeepMatches::Inliers => &progress.contender.estimators,
             KeepMatches::All | KeepMatches::None => &[],

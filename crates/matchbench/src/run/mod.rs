@@ -73,7 +73,7 @@ use depth::DepthMaps;
 use earlier::InOrder;
 use kept::{Kept, Retried};
 use pair::PairStages;
-use progress::MatcherProgress;
+use progress::{MatcherProgress, Stored};
 use work::Work;
 
 /// A dataset and where it came from.
@@ -286,17 +286,19 @@ impl Run<'_> {
                     continue;
                 }
                 let retry = self.retry_failed;
-                let matches = (self.keep_matches == KeepMatches::All)
-                    .then(|| (folder.folder()).matches_of(&sequence.name, contender.source.id()))
-                    .transpose()?;
-                let kept = matches.as_ref();
+                let matches =
+                    (folder.folder()).matches_of(&sequence.name, contender.source.id())?;
+                let stored = Stored {
+                    file: &matches,
+                    are_kept: self.keep_matches == KeepMatches::All,
+                };
                 let progress = MatcherProgress::recover(
                     folder,
                     sequence,
                     contender,
                     self.settings,
                     retry,
-                    kept,
+                    stored,
                 )?;
                 progresses.push(progress);
             }
@@ -331,7 +333,7 @@ impl Run<'_> {
                 keep: self.keep_matches,
                 depth: DepthMaps::default(),
             },
-            stored: folder.folder().matches_of(dataset, matcher)?,
+            stored: progress.own_matches(folder.folder())?,
             observer,
             cancel,
         };
@@ -355,7 +357,7 @@ impl Run<'_> {
         done?;
         if progress.failed_pairs().next().is_some() {
             // Other estimators of these pairs start from what was just kept.
-            work.stored = folder.folder().matches_of(dataset, matcher)?;
+            work.stored = progress.own_matches(folder.folder())?;
         }
 
         let mut kept = retried.kept;

@@ -1,15 +1,18 @@
 //! The progress of one matcher with its estimators on one dataset: what is recorded, and what is left to
 //! do.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::mem;
 use std::path::PathBuf;
 
 use super::earlier::{Earlier, InOrder, earlier};
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
+use crate::matchers::Source;
+use crate::records::matches::MatchesKey;
 use crate::records::{
-    MatchesFile, Outcome, RunRecord, RunSettings, RunWriter, StoreError, Task, store,
+    Counts, MatchesFile, Outcome, RunFolder, RunRecord, RunSettings, RunWriter, StoreError, Task,
+    store,
 };
 
 /// Most repetitions of a pair that are done together, with one search for all of them.
@@ -23,8 +26,24 @@ pub(super) struct MatcherProgress<'a> {
     repetitions: u32,
     /// One file of records for each estimator.
     estimators: Vec<EstimatorProgress>,
-    /// Pairs, by their indices, that are recorded and whose matches should be on disk and are not.
-    lost: BTreeSet<usize>,
+    lost: Lost,
+}
+
+/// Matches that should be on disk and are not.
+#[derive(Default)]
+struct Lost {
+    /// The pairs, by their indices, that are recorded and lack them.
+    pairs: BTreeSet<usize>,
+    /// Matches on disk that are not those that any record of their pair follows from.
+    foreign: BTreeMap<MatchesKey, Foreign>,
+}
+
+/// Matches of another matcher, or of another time.
+#[derive(Clone, Copy)]
+struct Foreign {
+    counts: Counts,
+    /// Its pair, by its index, if that is recorded.
+    pair: Option<usize>,
 }
 
 /// The records of one estimator, and how many there are. They stand in the order of the tasks (pair by pair, repetition by
@@ -59,7 +78,7 @@ pub(super) struct PendingTask {
 impl<'a> MatcherProgress<'a> {
     /// What earlier processes left; a torn last line is cut off. Tasks that failed are due
     /// again if their records say that another try may do better, or all of them with `retry_failed`. Matches that
-    /// records follow from are in `kept`, if they are kept; those that are not are made again.
+    /// records follow from are in `stored`, if they are kept; those that are not are made again.
     ///
     /// # Errors
     /// If records cannot be read or are not those of this matcher and dataset.
@@ -69,7 +88,7 @@ impl<'a> MatcherProgress<'a> {
         contender: &'a Contender,
         settings: RunSettings,
         retry_failed: bool,
-        kept: Option<&MatchesFile>,
+        stored: Stored<'_>,
     ) -> Result<Self, RunError> {
         let chosen = settings.chosen(sequence.pairs.len());
         let mut progress = Self {
@@ -78,15 +97,43 @@ impl<'a> MatcherProgress<'a> {
             pairs: chosen.map(|index| &sequence.pairs[index]).collect(),
             repetitions: settings.repetitions.get(),
             estimators: Vec::new(),
-            lost: BTreeSet::new(),
+            lost: Lost::default(),
         };
         for variant in &contender.estimators {
             let names = [&*sequence.name, contender.source.id(), &*variant.name];
-            let (estimator, mut lost) = progress.recorded(folder, names, retry_failed, kept)?;
-            progress.lost.append(&mut lost);
+            let (estimator, mut lost) = progress.recorded(folder, names, retry_failed, stored)?;
+            progress.lost.pairs.append(&mut lost.pairs);
+            progress.lost.foreign.append(&mut lost.foreign);
             progress.estimators.push(estimator);
         }
+        progress.claim_foreign(folder, stored)?;
         Ok(progress)
+    }
+
+    /// Takes what a record of another estimator follows from as the matches of its pair, and all else for lost. A source
+    /// need not find the same matches twice, so it is asked again only for what is still to be estimated.
+    fn claim_foreign(&mut self, folder: &RunWriter, stored: Stored<'_>) -> Result<(), StoreError> {
+        if self.lost.foreign.is_empty() {
+            return Ok(());
+        }
+        let foreign = &mut self.lost.foreign;
+        for variant in &self.contender.estimators {
+            let names = [
+                &*self.sequence.name,
+                self.contender.source.id(),
+                &*variant.name,
+            ];
+            (folder.folder()).for_each_of(names, |record| {
+                if stored.of(&record) == State::There && !record.outcome.has_failed() {
+                    foreign.remove(&key(&record));
+                }
+            })?;
+        }
+        if stored.are_kept && matches!(self.contender.source, Source::Matcher(_)) {
+            let pairs = foreign.values().filter_map(|foreign| foreign.pair);
+            self.lost.pairs.extend(pairs);
+        }
+        Ok(())
     }
 
     /// What is recorded of the estimator of these `names`; each record must be that of the task whose turn
@@ -96,11 +143,11 @@ impl<'a> MatcherProgress<'a> {
         folder: &RunWriter,
         names: [&str; 3],
         retry_failed: bool,
-        kept: Option<&MatchesFile>,
-    ) -> Result<(EstimatorProgress, BTreeSet<usize>), StoreError> {
+        stored: Stored<'_>,
+    ) -> Result<(EstimatorProgress, Lost), StoreError> {
         let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
-        let mut lost = BTreeSet::new();
-        let mut foreign = None;
+        let mut lost = Lost::default();
+        let mut other_task = None;
         let mut tasks = (self.pairs.iter())
             .flat_map(|pair| (0..self.repetitions).map(move |repetition| (pair, repetition)));
         let file = folder.recover(names, |line, record| {
@@ -110,22 +157,32 @@ impl<'a> MatcherProgress<'a> {
                     && [&*task.dataset, &*task.matcher, &*task.estimator] == names
             });
             if !is_next {
-                foreign.get_or_insert(line);
+                other_task.get_or_insert(line);
             }
             match record.outcome {
                 Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
                     retried.insert(done);
                 }
                 Outcome::Failed { .. } => failed += 1,
-                _ if is_lost(&record, kept) => {
-                    lost.insert(done / self.repetitions as usize);
+                _ => {
+                    let pair = done / self.repetitions as usize;
+                    match stored.of(&record) {
+                        State::Absent if stored.are_kept => {
+                            lost.pairs.insert(pair);
+                        }
+                        State::There | State::Absent => {}
+                        State::Other(counts) => {
+                            let pair = Some(pair);
+                            let foreign = Foreign { counts, pair };
+                            lost.foreign.insert(key(&record), foreign);
+                        }
+                    }
                 }
-                _ => {}
             }
             done += 1;
             Ok::<_, StoreError>(())
         })?;
-        if let Some(line) = foreign {
+        if let Some(line) = other_task {
             return Err(StoreError::Corrupt {
                 path: file,
                 line,
@@ -138,13 +195,23 @@ impl<'a> MatcherProgress<'a> {
         } else {
             store::read(&file)?
         };
-        let wanted = |record: &RunRecord| match record.outcome {
-            Outcome::Failed { may_pass, .. } => {
-                let stays = !may_pass && !retry_failed;
-                failed += usize::from(stays);
-                stays
+        let wanted = |record: &RunRecord| {
+            match record.outcome {
+                Outcome::Failed { may_pass, .. } => {
+                    let stays = !may_pass && !retry_failed;
+                    failed += usize::from(stays);
+                    stays
+                }
+                _ => match stored.of(record) {
+                    State::There => true,
+                    State::Absent => !stored.are_kept,
+                    State::Other(counts) => {
+                        let foreign = Foreign { counts, pair: None };
+                        lost.foreign.entry(key(record)).or_insert(foreign);
+                        !stored.are_kept
+                    }
+                },
             }
-            _ => !is_lost(record, kept),
         };
         let earlier = earlier(folder, names, &self.pairs, self.repetitions, done, wanted)?;
         let progress = EstimatorProgress {
@@ -156,6 +223,15 @@ impl<'a> MatcherProgress<'a> {
             earlier,
         };
         Ok((progress, lost))
+    }
+
+    /// The matches of this matcher that are on disk, but for those that are not of its records.
+    pub(super) fn own_matches(&self, folder: &RunFolder) -> Result<MatchesFile, StoreError> {
+        let mut file = folder.matches_of(&self.sequence.name, self.contender.source.id())?;
+        for (&key, foreign) in &self.lost.foreign {
+            file.forget(key, foreign.counts);
+        }
+        Ok(file)
     }
 
     pub(super) fn task(&self, pair: &Pair, estimator: &str, repetition: u32) -> Task {
@@ -242,19 +318,22 @@ impl<'a> MatcherProgress<'a> {
     /// records are there.
     pub(super) fn lost_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
         let first_pending = self.first_pending();
-        let pairs = match self.lost.first() {
+        let pairs = match self.lost.pairs.first() {
             Some(&first) if first < first_pending => &self.pairs[..first_pending],
             _ => &[],
         };
         self.pairs_where(pairs, 0, |estimator, task| {
             std::ptr::eq(estimator, &raw const self.estimators[0])
-                && self.lost.contains(&(task / self.repetitions as usize))
+                && self
+                    .lost
+                    .pairs
+                    .contains(&(task / self.repetitions as usize))
         })
     }
 
     /// How many pairs that is.
     pub(super) fn lost(&self) -> usize {
-        self.lost.range(..self.first_pending()).count()
+        self.lost.pairs.range(..self.first_pending()).count()
     }
 
     /// The index of the first pair of which something is left.
@@ -318,10 +397,36 @@ impl<'a> MatcherProgress<'a> {
     }
 }
 
-/// Whether the matches that a record follows from should be on disk and are not.
-fn is_lost(record: &RunRecord, kept: Option<&MatchesFile>) -> bool {
-    let key = (record.task.a, record.task.b, record.task.repetition);
-    kept.is_some_and(|kept| !kept.contains(key))
+/// The matches of a matcher on a dataset that are on disk.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stored<'m> {
+    pub(super) file: &'m MatchesFile,
+    /// Whether the run keeps all of them.
+    pub(super) are_kept: bool,
+}
+
+/// What there is of the matches that a record follows from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    There,
+    Absent,
+    /// There are others in their place, of these numbers of features and matches.
+    Other(Counts),
+}
+
+impl Stored<'_> {
+    fn of(self, record: &RunRecord) -> State {
+        match self.file.counts(key(record)) {
+            None => State::Absent,
+            Some(counts) if counts == record.counts => State::There,
+            Some(counts) => State::Other(counts),
+        }
+    }
+}
+
+/// Whose matches a record follows from.
+fn key(record: &RunRecord) -> MatchesKey {
+    (record.task.a, record.task.b, record.task.repetition)
 }
 
 /// The records of one estimator, some of which are done again.

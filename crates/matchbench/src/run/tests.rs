@@ -5,6 +5,7 @@ mod faults;
 mod growth;
 mod homographies;
 mod joined;
+mod lost;
 mod outside;
 mod pixels;
 mod selection;

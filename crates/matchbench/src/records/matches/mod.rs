@@ -117,14 +117,21 @@ pub type MatchesKey = (u32, u32, u32);
 #[derive(Debug)]
 pub struct MatchesFile {
     path: PathBuf,
-    /// Where the entries begin; those that repeat others, where the others do.
-    entries: BTreeMap<MatchesKey, u64>,
+    entries: BTreeMap<MatchesKey, Entry>,
     /// Where the last whole entry ends.
     end: u64,
     writer: Option<Appender>,
     /// The pair whose entries were appended last, and where they are: what is appended is not looked for
     /// later, so that a long run needs no more memory than a short one.
     last: ((u32, u32), BTreeMap<u32, u64>),
+}
+
+/// An entry that was there when the file was opened.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Where it begins; if it repeats another, where that does.
+    start: u64,
+    counts: Counts,
 }
 
 /// The folder of matches within the folder of a run.
@@ -194,14 +201,17 @@ impl MatchesFile {
             if length - self.end < bytes {
                 break;
             }
-            let origin = if count == AS_BEFORE {
+            let entry = if count == AS_BEFORE {
                 let before = (repetition.checked_sub(1))
                     .and_then(|before| self.entries.get(&(a, b, before)).copied());
                 before.ok_or_else(|| self.damaged("an entry repeats one that is not there"))?
             } else {
-                self.end
+                Entry {
+                    start: self.end,
+                    counts: counts(&header),
+                }
             };
-            self.entries.insert((a, b, repetition), origin);
+            self.entries.insert((a, b, repetition), entry);
             self.end += bytes;
         }
         Ok(())
@@ -216,9 +226,21 @@ impl MatchesFile {
     fn place(&self, (a, b, repetition): MatchesKey) -> Option<u64> {
         let (pair, last) = &self.last;
         let appended = last.get(&repetition).filter(|_| *pair == (a, b));
-        appended
-            .or_else(|| self.entries.get(&(a, b, repetition)))
-            .copied()
+        let entry = || Some(self.entries.get(&(a, b, repetition))?.start);
+        appended.copied().or_else(entry)
+    }
+
+    /// The numbers of features and matches of an entry that was there when the file was opened.
+    pub(crate) fn counts(&self, key: MatchesKey) -> Option<Counts> {
+        Some(self.entries.get(&key)?.counts)
+    }
+
+    /// Takes an entry with these `counts` for one that is not there: its matches are not those that records are of. What
+    /// is appended takes its place.
+    pub(crate) fn forget(&mut self, key: MatchesKey, counts: Counts) {
+        if self.counts(key) == Some(counts) {
+            self.entries.remove(&key);
+        }
     }
 
     /// The matches of a pair, if they are there. May be called from many threads.

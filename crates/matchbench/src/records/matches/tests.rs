@@ -141,6 +141,25 @@ fn a_number_that_is_none_is_damage_whatever_the_checksum_and_called_so() {
 }
 
 #[test]
+fn an_entry_that_is_forgotten_is_written_again_and_the_later_one_is_read() {
+    let (_folder, file, entries) = several();
+    let mut again = MatchesFile::open(&file).unwrap();
+    let five = matches(5).counts;
+    assert_eq!(again.counts((0, 1, 1)), Some(five), "it repeats another");
+    again.forget((0, 1, 0), matches(4).counts);
+    assert!(again.contains((0, 1, 0)), "that is another one");
+    again.forget((0, 1, 0), five);
+    assert!(!again.contains((0, 1, 0)));
+    again.append((0, 1, 0), &matches(2)).unwrap();
+    drop(again);
+    let read = MatchesFile::open(&file).unwrap();
+    assert_eq!(read.read((0, 1, 0)).unwrap(), Some(matches(2)));
+    for (key, matches) in entries.into_iter().skip(1) {
+        assert_eq!(read.read(key).unwrap(), Some(matches));
+    }
+}
+
+#[test]
 fn a_torn_file_is_completed_wherever_it_was_torn() {
     let (_folder, file, entries) = several();
     let whole = fs::read(&file).unwrap();

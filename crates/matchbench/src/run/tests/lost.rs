@@ -1,0 +1,70 @@
+//! What is exchanged, lost or removed between runs, or while one goes on, is noticed.
+
+use super::*;
+use crate::records::RunFolder;
+
+/// The toys of [`two_by_two`], the first with a third estimator.
+fn grown() -> Vec<Contender> {
+    let mut contenders = two_by_two();
+    contenders[0] = Toy::default().contender("bright", &["first", "second", "third"]);
+    contenders
+}
+
+#[test]
+fn matches_of_another_matcher_are_not_taken_for_those_of_the_records() {
+    let mut bench = Bench::new(two_by_two());
+    bench.settings = repeated(2);
+    for run in ["whole", "same", "more"] {
+        bench.run(run).unwrap();
+    }
+    let matches = |run: &str| {
+        let file = RunFolder::open(&bench.path(run)).unwrap();
+        let file = file.matches_of("street", "bright").unwrap();
+        let pairs = bench.datasets[0].sequence.pairs.iter();
+        let all: Vec<_> = (pairs
+            .flat_map(|pair| [0, 1].map(|repetition| (pair.a, pair.b, repetition))))
+        .map(|key| file.read(key).unwrap().unwrap())
+        .collect();
+        all
+    };
+    let expected = matches("whole");
+    for run in ["same", "more"] {
+        let file = |matcher: &str| bench.path(&format!("{run}/matches/street/{matcher}.bin"));
+        fs::copy(file("dark"), file("bright")).unwrap();
+        assert_ne!(matches(run), expected);
+    }
+    bench.run("same").unwrap();
+    assert_eq!(matches("same"), expected, "they are made again");
+    let again = fs::metadata(bench.path("same/matches/street/bright.bin")).unwrap();
+    bench.run("same").unwrap();
+    let after = fs::metadata(bench.path("same/matches/street/bright.bin")).unwrap();
+    assert_eq!(again.len(), after.len(), "and are not lost any more");
+
+    let grown = Bench {
+        contenders: grown(),
+        ..bench
+    };
+    grown.run("whole").unwrap();
+    grown.run("more").unwrap();
+    assert_eq!(grown.records("more"), grown.records("whole"));
+}
+
+/// Records of one estimator may be those of a time when the matches were others.
+#[test]
+fn matches_that_records_of_one_estimator_follow_from_are_not_foreign() {
+    let bench = Bench::new(two_by_two());
+    bench.run("run").unwrap();
+    let file = store::path(&bench.path("run"), "street", "bright", "first");
+    let mut records = store::read(&file).unwrap();
+    for record in &mut records {
+        record.counts.putative += 1;
+    }
+    store::rewrite(&file, &records).unwrap();
+    let length = || {
+        let file = bench.path("run/matches/street/bright.bin");
+        fs::metadata(file).unwrap().len()
+    };
+    let before = length();
+    bench.run("run").unwrap();
+    assert_eq!(length(), before);
+}
