@@ -14,6 +14,8 @@
 //! s grows. Without scores all matches have ambiguity 0, and estimators that sort by it take them in the
 //! order of the file.
 
+#[cfg(test)]
+mod changed_tests;
 mod colmap;
 mod error;
 mod export;

@@ -6,8 +6,10 @@
 //! outside their image, ambiguities outside 0..1. If the points fill little of their images, a warning says
 //! so, since points of resized images look like that.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::image::Size;
@@ -36,7 +38,13 @@ pub struct MatchFiles {
     sizes: Vec<Option<Size>>,
     understood: Understood,
     survey: Survey,
+    /// What the files of each pair were when it was first read, by its index in the source.
+    stamps: HashMap<usize, Stamp>,
 }
+
+/// By what a file that has changed is known, without reading it: sizes and times of change of the file of matches and
+/// that of their points.
+type Stamp = [(u64, Option<SystemTime>); 2];
 
 /// What reading all pairs of the dataset has shown.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -149,11 +157,12 @@ impl MatchFiles {
                 verified: options.verified,
                 named_by,
                 scores: Scores::None,
-                files: Understood::hashed(&files)?,
+                files: Vec::new(),
                 passed_over,
                 notes: options.notes.clone(),
             },
             survey: Survey::default(),
+            stamps: HashMap::new(),
         };
         this.assign(&found, contents.pairs.len(), sequence)?;
         let of_several = of_several_images(&ambiguous, sequence);
@@ -169,6 +178,8 @@ impl MatchFiles {
             .warnings
             .extend(of_several.into_iter().chain(doubt));
         this.read_all(known.map(|known| known.scores))?;
+        // Afterwards: what changes from here on is no more what was stamped.
+        this.understood.files = Understood::hashed(&files)?;
         Ok(this)
     }
 
@@ -186,12 +197,13 @@ impl MatchFiles {
     /// called from many threads.
     ///
     /// # Errors
-    /// If they cannot be read or are wrong.
+    /// If they cannot be read or are wrong, or their file has changed since all was read and hashed.
     pub fn matches(&self, a: u32, b: u32) -> Result<Option<FileMatches>, ExchangeError> {
         let Some(&(index, swapped)) = self.pairs.get(&(a, b)) else {
             return Ok(None);
         };
         let raw = self.raw(index, swapped, (a, b))?;
+        self.refuse_changed(index)?;
         let wrong = |what: String| self.wrong(index, (a, b), what);
         let [points_a, points_b] = [(&raw.a, a), (&raw.b, b)].map(|(points, frame)| {
             let to_original = self.to_original(frame);
@@ -244,7 +256,9 @@ impl MatchFiles {
     fn read_all(&mut self, known: Option<Scores>) -> Result<(), ExchangeError> {
         let mut scores = known.unwrap_or(Scores::None);
         let mut filled: f64 = 0.0;
+        let mut stamps = HashMap::with_capacity(self.pairs.len());
         for (&(a, b), &(index, swapped)) in &self.pairs {
+            stamps.insert(index, self.stamp(index)?);
             let raw = self.raw(index, swapped, (a, b))?;
             self.survey.matches += raw.a.len() as u64;
             scores = known.unwrap_or_else(|| raw.rating.seen_after(scores));
@@ -254,6 +268,7 @@ impl MatchFiles {
                 filled = filled.max(fill(points, self.stored_size(frame)));
             }
         }
+        self.stamps = stamps;
         self.understood.scores = scores;
         if self.survey.matches > 0 && filled < FILLED {
             let doubt = match self.understood.resized {
@@ -268,6 +283,33 @@ impl MatchFiles {
             ));
         }
         Ok(())
+    }
+
+    /// What the files of the pair with this index are now.
+    fn stamp(&self, index: usize) -> Result<Stamp, ExchangeError> {
+        let of = |file: &Path| {
+            let file_now =
+                fs::metadata(file).map_err(|error| ExchangeError::unreadable(file, error))?;
+            Ok::<_, ExchangeError>((file_now.len(), file_now.modified().ok()))
+        };
+        Ok([
+            of(self.source.file(index))?,
+            of(self.source.points_file(index))?,
+        ])
+    }
+
+    /// Refuses files that are no more what was read and hashed at first, when the pair with this index was just read.
+    fn refuse_changed(&self, index: usize) -> Result<(), ExchangeError> {
+        let (before, now) = (self.stamps[&index], self.stamp(index)?);
+        let files = [self.source.file(index), self.source.points_file(index)];
+        let changed = (0..2).find(|&which| before[which] != now[which]);
+        changed.map_or(Ok(()), |which| {
+            Err(ExchangeError::new(
+                files[which],
+                "it has changed since it was opened, and what stands in it now is not what its hash is of",
+                "put back what it was; for the new matches begin again, with another folder",
+            ))
+        })
     }
 
     /// The matches of a pair as the file has them, once they were checked.
