@@ -85,6 +85,19 @@ pub enum FolderError {
         /// Index of the frame.
         frame: u32,
     },
+    /// The file that notes which images the records are of is gone.
+    #[error(
+        "{} is gone, which notes the images of {dataset} that the run has results of; without it nobody can tell whether \
+         they have changed since. Put it back, or choose another folder and run all of it anew; if you know that the images \
+         are those of then, make an empty file of this name",
+        path.display()
+    )]
+    LostNotes {
+        /// The file.
+        path: PathBuf,
+        /// Name of the dataset.
+        dataset: String,
+    },
     /// Another process writes into the folder.
     #[error("{} is in use by another process; wait until it ends, or choose another folder", folder.display())]
     InUse {

@@ -25,7 +25,7 @@
 //! | 2 | 0.1.0 | records end with a checksum and say whether a failure may pass; images are noted |
 //!
 //! Folders of the first format are read. When a run goes on with one, its records are first given
-//! checksums, and it becomes a folder of the second format.
+//! checksums, its images may be without notes, and it becomes a folder of the second format.
 //!
 //! A folder of a later format is refused, and the message names its number. A field that is left out where
 //! it is not needed may be added without a change of the number, if older programs need not know it.
@@ -391,6 +391,11 @@ impl RunWriter {
         if written.as_ref() != Some(&plan) {
             if let Some(written) = &written {
                 store::add_checksums(path, written.format)?;
+                if written.format < images::FIRST_WITH_NOTES {
+                    for dataset in &written.datasets {
+                        ImageNotes::open(path, &dataset.name)?.begin()?;
+                    }
+                }
                 if moves_tasks(written, &plan) {
                     earlier::set_aside(path)?;
                 }

@@ -21,6 +21,9 @@ use crate::files::{Appender, read_file, read_text};
 /// The folder of these files within the folder of a run.
 pub(super) const FOLDER: &str = "images";
 
+/// The first format of run folders that has them.
+pub(super) const FIRST_WITH_NOTES: u32 = 2;
+
 /// That of the files of depth.
 pub(super) const DEPTH: &str = "depth";
 
@@ -34,6 +37,7 @@ pub(crate) struct ImageNotes {
     /// Length of the whole lines of the file.
     end: u64,
     writer: Option<Appender>,
+    is_there: bool,
 }
 
 impl ImageNotes {
@@ -56,9 +60,9 @@ impl ImageNotes {
 
     fn open_in(run: &Path, folder: &str, dataset: &str) -> Result<Self, FolderError> {
         let path = run.join(folder).join(format!("{dataset}.txt"));
-        let text = match read_text(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
-            text => text.map_err(FolderError::io("read", &path))?,
+        let (text, is_there) = match read_text(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => (String::new(), false),
+            text => (text.map_err(FolderError::io("read", &path))?, true),
         };
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let mut known = BTreeMap::new();
@@ -76,7 +80,31 @@ impl ImageNotes {
             known,
             end: whole as u64,
             writer: None,
+            is_there,
         })
+    }
+
+    /// Whether there is a file of notes, be it empty: there is one where the run has results of the dataset, unless it is
+    /// of the first format.
+    pub(crate) fn is_there(&self) -> bool {
+        self.is_there
+    }
+
+    /// Makes the file where it is not there: without a note, for a run that has results of images which were not noted.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn begin(&mut self) -> Result<(), FolderError> {
+        let begun = self.writer().map(drop);
+        begun.map_err(FolderError::io("write", &self.path))
+    }
+
+    /// The error that the file is gone.
+    pub(crate) fn lost(&self) -> FolderError {
+        FolderError::LostNotes {
+            path: self.path.clone(),
+            dataset: self.dataset.clone(),
+        }
     }
 
     /// Whether the images are still those that were noted; `image` is the file of a frame. One that
@@ -153,6 +181,7 @@ impl ImageNotes {
     fn writer(&mut self) -> io::Result<&mut Appender> {
         if self.writer.is_none() {
             self.writer = Some(Appender::open(&self.path, Some(self.end))?);
+            self.is_there = true;
         }
         Ok(self.writer.as_mut().expect("it was just made"))
     }

@@ -218,7 +218,7 @@ impl Run<'_> {
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
     /// fails is not an error: it is recorded and counted, and tried again at the next start where its
     /// record says that it may do better then. A source that ends is no error either: the run of the
-    /// others goes on. It is an error if an image has changed since its records were made.
+    /// others goes on. It is an error if an image has changed since its records were made, or if that cannot be told.
     pub fn execute(
         &self,
         observer: &dyn Observer,
@@ -443,6 +443,16 @@ fn images<'d>(
             |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
         if progresses.iter().any(is_left) {
             let notes = folder.folder().images_of(name)?;
+            let has_results = |progress: &MatcherProgress<'_>| {
+                progress.sequence.name == *name && progress.has_results()
+            };
+            // Images that are not there are not verified anyway.
+            if !notes.is_there()
+                && progresses.iter().any(has_results)
+                && frames.iter().any(|frame| frame.image.is_file())
+            {
+                return Err(notes.lost().into());
+            }
             notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
             images.insert(&**name, Mutex::new(notes));
             let depth = |frame: u32| Some(&*frames.get(frame as usize)?.depth.as_ref()?.path);

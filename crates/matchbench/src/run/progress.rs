@@ -52,6 +52,8 @@ struct EstimatorProgress {
     file: PathBuf,
     done: usize,
     failed: usize,
+    /// Whether any did not fail.
+    has_results: bool,
     /// Tasks that failed and are tried again, by their indices among the records.
     retried: BTreeSet<usize>,
     /// What is recorded, if some of it is to be tried again.
@@ -147,6 +149,7 @@ impl<'a> MatcherProgress<'a> {
     ) -> Result<(EstimatorProgress, Lost), StoreError> {
         let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
         let mut lost = Lost::default();
+        let mut has_results = false;
         let mut other_task = None;
         let mut tasks = (self.pairs.iter())
             .flat_map(|pair| (0..self.repetitions).map(move |repetition| (pair, repetition)));
@@ -159,6 +162,7 @@ impl<'a> MatcherProgress<'a> {
             if !is_next {
                 other_task.get_or_insert(line);
             }
+            has_results |= !record.outcome.has_failed();
             match record.outcome {
                 Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
                     retried.insert(done);
@@ -196,6 +200,7 @@ impl<'a> MatcherProgress<'a> {
             store::read(&file)?
         };
         let wanted = |record: &RunRecord| {
+            has_results |= !record.outcome.has_failed();
             match record.outcome {
                 Outcome::Failed { may_pass, .. } => {
                     let stays = !may_pass && !retry_failed;
@@ -218,11 +223,17 @@ impl<'a> MatcherProgress<'a> {
             file,
             done,
             failed,
+            has_results,
             retried,
             records,
             earlier,
         };
         Ok((progress, lost))
+    }
+
+    /// Whether a task was recorded that did not fail.
+    pub(super) fn has_results(&self) -> bool {
+        (self.estimators.iter()).any(|estimator| estimator.has_results)
     }
 
     /// The matches of this matcher that are on disk, but for those that are not of its records.

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::images::ImageNotes;
+use super::images::{FIRST_WITH_NOTES, ImageNotes};
 use super::line::to_line;
 use super::{
     DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
@@ -333,7 +333,11 @@ impl Images {
             for what in ["image", "depth"] {
                 let mut all = BTreeMap::new();
                 for folder in folders {
-                    for (&frame, &hash) in noted(folder, what, &dataset.name)?.known() {
+                    let notes = noted(folder, what, &dataset.name)?;
+                    if what == "image" && are_lost(&notes, folder, &dataset.name)? {
+                        return Err(notes.lost().into());
+                    }
+                    for (&frame, &hash) in notes.known() {
                         if *all.entry(frame).or_insert(hash) != hash {
                             return Err(JoinError::OtherImage {
                                 what,
@@ -364,6 +368,10 @@ impl Images {
     fn write(&self, writer: &RunWriter) -> Result<(), FolderError> {
         for (dataset, what, all) in &self.notes {
             let mut notes = noted(writer.folder(), what, dataset)?;
+            if *what == "image" {
+                // Also where no run has noted any, being of the first format.
+                notes.begin()?;
+            }
             for (&frame, &hash) in all {
                 notes.note(frame, writer.folder().path(), hash)?;
             }
@@ -377,6 +385,29 @@ fn noted(folder: &RunFolder, what: &str, dataset: &str) -> Result<ImageNotes, Fo
         "image" => folder.images_of(dataset),
         _ => folder.depth_of(dataset),
     }
+}
+
+/// Whether the `notes` of the images of a dataset are not there, but should be.
+fn are_lost(notes: &ImageNotes, folder: &RunFolder, dataset: &str) -> Result<bool, StoreError> {
+    let plan = folder.plan();
+    if notes.is_there() || plan.format < FIRST_WITH_NOTES {
+        return Ok(false);
+    }
+    let mut has_results = false;
+    for planned in plan
+        .datasets
+        .iter()
+        .filter(|planned| planned.name == dataset)
+    {
+        for matcher in plan.matchers_on(planned) {
+            for estimator in &matcher.estimators {
+                folder.for_each_of([dataset, &matcher.id, &estimator.id], |record| {
+                    has_results |= !record.outcome.has_failed();
+                })?;
+            }
+        }
+    }
+    Ok(has_results)
 }
 
 /// The settings that any of the runs took over from tuning, each once.

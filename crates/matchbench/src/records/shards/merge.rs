@@ -84,6 +84,8 @@ struct Files<'a> {
 struct Frames {
     seen: BTreeSet<u32>,
     order: Vec<u32>,
+    /// The shards that have results of the dataset, and so notes of its images.
+    shards: BTreeSet<usize>,
 }
 
 impl Frames {
@@ -256,6 +258,9 @@ impl Merging<'_> {
             merged.tasks += 1;
             merged.failed += u64::from(record.outcome.has_failed());
             is_noted |= !record.outcome.has_failed() || record.counts.selected > 0;
+            if !record.outcome.has_failed() {
+                sink.frames.shards.insert(index);
+            }
             if let Some(file) = &mut shard.entries
                 && let Some(entry) = self.entry(index, files.matcher, file, &record)?
             {
@@ -307,6 +312,16 @@ impl Merging<'_> {
         dataset: &DatasetPlan,
         frames: &Frames,
     ) -> Result<(), ShardError> {
+        for &shard in &frames.shards {
+            if !ImageNotes::open(&self.folders[shard], &dataset.name)?.is_there() {
+                let reason = format!(
+                    "it has lost the notes of the images of {0} (images/{0}.txt), by which all shards are known to have \
+                     worked with the same",
+                    dataset.name
+                );
+                return Err(self.broken(shard, &reason));
+            }
+        }
         let images = self.same_in_all(dataset, "image", ImageNotes::open)?;
         let depth = self.same_in_all(dataset, "depth", ImageNotes::open_depth)?;
         let folder = writer.folder();

@@ -1,7 +1,7 @@
 //! What is exchanged, lost or removed between runs, or while one goes on, is noticed.
 
 use super::*;
-use crate::records::RunFolder;
+use crate::records::{RunFolder, join};
 
 /// The toys of [`two_by_two`], the first with a third estimator.
 fn grown() -> Vec<Contender> {
@@ -67,4 +67,31 @@ fn matches_that_records_of_one_estimator_follow_from_are_not_foreign() {
     let before = length();
     bench.run("run").unwrap();
     assert_eq!(length(), before);
+}
+
+#[test]
+fn a_run_that_has_lost_the_notes_of_its_images_does_not_go_on() {
+    let mut bench = Bench::new(two_by_two());
+    bench.run("run").unwrap();
+    bench.run("other").unwrap();
+    let notes = bench.path("run/images/street.txt");
+    fs::remove_file(&notes).unwrap();
+    assert_eq!(bench.run("run").unwrap().now, 0, "no image is used");
+    let refused = |message: &str| {
+        let named = notes.display().to_string();
+        assert!(
+            message.contains(&named) && message.contains("is gone"),
+            "{message}"
+        );
+    };
+    let runs = ["other", "run"].map(|run| bench.path(run));
+    refused(&join(&runs, &bench.path("both")).unwrap_err().to_string());
+    assert!(!bench.path("both").exists());
+    bench.contenders = grown();
+    refused(&bench.run("run").unwrap_err().to_string());
+    // As the message says.
+    fs::write(&notes, "").unwrap();
+    bench.run("run").unwrap();
+    bench.run("other").unwrap();
+    assert_eq!(bench.records("run"), bench.records("other"));
 }

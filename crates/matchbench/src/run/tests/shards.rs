@@ -395,6 +395,15 @@ fn shards_of_different_images_and_damaged_shards_are_refused() {
         &swapped,
         "another task",
     );
+    let notes = bench.path("plan/shards/2/images/street.txt");
+    let sound = fs::read(&notes).unwrap();
+    fs::remove_file(&notes).unwrap();
+    let error = merged().unwrap_err().to_string();
+    assert!(
+        error.contains("shards/2: it has lost the notes of the images of street"),
+        "{error}"
+    );
+    fs::write(&notes, sound).unwrap();
     // The first image that both shards know.
     let notes = |number: u32| {
         let file = bench.path(&format!("plan/shards/{number}/images/street.txt"));
