@@ -203,6 +203,17 @@ impl Source for Hloc {
 /// images; scores are 1 - ambiguity as float64, which is exact.
 fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
     let names = export.image_names();
+    for pair in &export.pairs {
+        for frame in [pair.frames.0, pair.frames.1].map(|frame| frame as usize) {
+            if names[frame].contains(char::is_whitespace) {
+                return Err(ExchangeError::new(
+                    &*export.sequence.frames[frame].image,
+                    "the name of the image has a space or a line break, which hloc's list of pairs cannot say",
+                    "rename the image or its folder, or export in another format",
+                ));
+            }
+        }
+    }
     let numbered = numbered(export);
     let mut features = Hdf5Out::default();
     for (frame, keypoints) in numbered.keypoints.iter().enumerate() {

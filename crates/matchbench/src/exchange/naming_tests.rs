@@ -95,6 +95,31 @@ fn the_root_of_a_tool_may_lie_above_in_every_format_with_names() {
     );
 }
 
+/// hloc's list of pairs has one pair a line, with a blank between its names.
+#[test]
+fn names_that_a_list_of_pairs_cannot_say_are_refused_before_anything_is_written() {
+    for name in ["db/on e.png", "db/one\n.png"] {
+        let (folder, mut sequence) = dataset();
+        sequence.frames[1].image = folder.path().join("images").join(name);
+        GrayImage::new(400, 300)
+            .save(&sequence.frames[1].image)
+            .unwrap();
+        let pairs = vec![PairExport {
+            frames: (0, 1),
+            points: MatchedPoints::default(),
+            two_view: None,
+        }];
+        let export = Export::new(&sequence, pairs).unwrap();
+        let out = folder.path().join("out");
+        let error = Format::find("hloc").unwrap().write(&out, &export);
+        let error = error.unwrap_err();
+        assert_eq!(error.file, sequence.frames[1].image);
+        assert!(error.what.contains("a space or a line break"), "{error}");
+        assert!(!out.join("features.h5").exists());
+        Format::find("npz").unwrap().write(&out, &export).unwrap();
+    }
+}
+
 #[test]
 fn names_of_several_images_are_told() {
     let (folder, sequence) = dataset();
