@@ -70,9 +70,13 @@ impl Appender {
     /// Waits until appended data would survive a loss of power.
     ///
     /// # Errors
-    /// The error of the operating system.
+    /// The error of the operating system; or that the file is gone, which can be written to as long as it is open.
     pub(crate) fn sync(&mut self) -> io::Result<()> {
         if !self.is_synced {
+            if !self.path.exists() {
+                let what = "it was removed while it was written to; run again";
+                return Err(io::Error::new(io::ErrorKind::NotFound, what));
+            }
             sync(&self.file, &self.path)?;
             self.is_synced = true;
         }
@@ -102,5 +106,10 @@ mod tests {
         let mut file = Appender::open(&path, None).unwrap();
         assert_eq!(file.append(b"?").unwrap(), 5);
         assert_eq!(fs::read(&path).unwrap(), b"onet!?");
+        file.sync().unwrap();
+        fs::remove_file(&path).unwrap();
+        file.append(b"lost").unwrap();
+        let error = file.sync().unwrap_err().to_string();
+        assert!(error.contains("removed"), "{error}");
     }
 }

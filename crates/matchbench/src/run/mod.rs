@@ -243,7 +243,7 @@ impl Run<'_> {
 
         let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
-        let mut ended = BTreeSet::new();
+        let (mut ended, mut finished) = (BTreeSet::new(), Vec::new());
         for progress in progresses.iter().filter(|progress| !progress.is_done()) {
             let id = progress.contender.source.id();
             if cancel.is_set() {
@@ -260,16 +260,35 @@ impl Run<'_> {
                     ended.insert(id);
                     summary.ended += 1;
                 }
-                done => done?,
+                Err(error) => {
+                    self.refuse_removed(None)?;
+                    return Err(error);
+                }
+                Ok(()) => finished.push(progress),
             }
         }
-        // Files that are open are written to even if nobody can find them any more.
-        if !RunFolder::is_at(self.folder) {
-            let what = "the folder of the run was removed while it ran, and its records with it; run it again";
-            let what = format!("{}: {what}", self.folder.display());
-            return Err(io::Error::new(io::ErrorKind::NotFound, what).into());
-        }
+        let removed = (progresses.iter()).find_map(|progress| {
+            let on = finished.iter().any(|done| std::ptr::eq(*done, progress));
+            progress.removed(on)
+        });
+        self.refuse_removed(removed)?;
         Ok(summary)
+    }
+
+    /// The error that the folder, or this file of records in it, was removed while the run wrote: files that are open are
+    /// written to even if nobody can find them any more.
+    fn refuse_removed(&self, file: Option<PathBuf>) -> io::Result<()> {
+        let (path, what) = match file {
+            _ if !RunFolder::is_at(self.folder) => {
+                let what =
+                    "the folder of the run was removed while it ran, and its records with it";
+                (self.folder.to_path_buf(), what)
+            }
+            Some(file) => (file, "it was removed while the run wrote records into it"),
+            None => return Ok(()),
+        };
+        let what = format!("{}: {what}; run it again", path.display());
+        Err(io::Error::new(io::ErrorKind::NotFound, what))
     }
 
     /// Each matcher on each dataset, and how far it has come.

@@ -236,6 +236,15 @@ impl<'a> MatcherProgress<'a> {
         (self.estimators.iter()).any(|estimator| estimator.has_results)
     }
 
+    /// A file of records that there were at first, and that there must be if the run has gone `on` with this matcher, but
+    /// is not any more.
+    pub(super) fn removed(&self, on: bool) -> Option<PathBuf> {
+        let mut files = (self.estimators.iter())
+            .filter(|estimator| on || estimator.done > 0)
+            .map(|estimator| &estimator.file);
+        files.find(|file| !file.exists()).cloned()
+    }
+
     /// The matches of this matcher that are on disk, but for those that are not of its records.
     pub(super) fn own_matches(&self, folder: &RunFolder) -> Result<MatchesFile, StoreError> {
         let mut file = folder.matches_of(&self.sequence.name, self.contender.source.id())?;

@@ -95,3 +95,34 @@ fn a_run_that_has_lost_the_notes_of_its_images_does_not_go_on() {
     bench.run("other").unwrap();
     assert_eq!(bench.records("run"), bench.records("other"));
 }
+
+/// Removes a file when so many records are written.
+struct Remover(PathBuf, AtomicUsize);
+
+impl Observer for Remover {
+    fn on_record(&self, _: &RunRecord) {
+        if self.1.fetch_sub(1, Ordering::Relaxed) == 1 {
+            fs::remove_file(&self.0).unwrap();
+        }
+    }
+}
+
+#[test]
+fn records_that_are_removed_while_a_run_writes_are_an_error() {
+    let bench = Bench::new(two_by_two());
+    // While they are written, and those of a matcher that is done.
+    for (run, after) in [("now", 3), ("later", 60)] {
+        let file = bench.path(&format!("{run}/records/street/bright+first.jsonl"));
+        let observer = Remover(file.clone(), AtomicUsize::new(after));
+        let error = bench.run_with(run, &observer, &Cancel::default());
+        let message = error.unwrap_err().to_string();
+        let named = file.display().to_string();
+        assert!(
+            message.contains(&named) && message.contains("it was removed while"),
+            "{message}"
+        );
+        bench.run(run).unwrap();
+    }
+    bench.run("whole").unwrap();
+    assert_eq!(bench.records("later"), bench.records("whole"));
+}
