@@ -384,11 +384,13 @@ fn show_draws_a_pair_that_the_dataset_lists() {
     assert!(shown.status.success(), "{}", text(&shown.stderr));
     let svg = fs::read_to_string(plain).expect("it was written");
     assert!(svg.contains("estimated yellow") && !svg.contains("keypoints"));
-    assert!(show(["0", "1"], "pair.png").status.success());
+    assert!(show(["0000.pgm", "1"], "pair.png").status.success());
     let png = fs::read(path("pair.png")).expect("it was written");
     assert!(png.starts_with(b"\x89PNG"));
     for (pair, out, expected) in [
-        (["0", "7"], "no.png", "no pair 0 7"),
+        (["2", "0"], "no.png", "no pair 2 0"),
+        (["0", "7"], "no.png", "there is no image `7`"),
+        (["0", "7.pgm"], "no.png", "there is no image `7.pgm`"),
         (["0", "1"], "no.jpg", ".png or .svg"),
     ] {
         let refused = show(pair, out);

@@ -3,6 +3,7 @@
 mod common;
 
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use common::{dataset, matchbench};
@@ -16,18 +17,24 @@ fn succeeded(output: &Output) -> String {
     text(&output.stdout)
 }
 
-#[test]
-fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let scene = dataset(folder.path(), "training", 4);
-    let other = dataset(folder.path(), "wall", 5);
+/// A scene to tune on, and another one.
+fn scenes(folder: &Path) -> [PathBuf; 2] {
+    let training = dataset(folder, "training", 4);
+    let wall = dataset(folder, "wall", 5);
     for frame in 0..5 {
-        let image = other.join(format!("Images/{frame:04}.pgm"));
+        let image = wall.join(format!("Images/{frame:04}.pgm"));
         let mut bytes = fs::read(&image).expect("it was written");
         bytes.reverse(); // the wall upside down, under its header
         bytes.splice(..0, *b"P5 160 120 255\n");
         fs::write(&image, bytes).expect("writable");
     }
+    [training, wall]
+}
+
+#[test]
+fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [scene, other] = scenes(folder.path());
     let tuning = folder.path().join("tuning");
     let tune = matchbench()
         .args(["tune", "--matchers", "sift,orb", "--values", "0.01,1,2"])
@@ -95,50 +102,44 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
     let page = folder.path().join("run/report/index.html");
     let page = fs::read_to_string(page).expect("it was written");
     assert!(page.contains("was chosen on training"), "the report tells");
+}
 
-    // A run that has the choice cannot grow by the scene, be joined with a run on it, or have another value.
-    let setting = parsed["setting"].as_str().expect("a setting");
-    let say = |args: &[&str]| {
-        let output = matchbench()
-            .current_dir(folder.path())
-            .args(args)
-            .output()
-            .expect("the program starts");
+#[test]
+fn a_choice_stays_refused_on_its_scene_when_runs_grow_or_are_joined() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    scenes(folder.path());
+    let go = |args: &[&str]| {
+        let mut program = matchbench();
+        let output = program.current_dir(folder.path()).args(args).output();
+        output.expect("the program starts")
+    };
+    let refused = |args: &[&str]| {
+        let output = go(args);
         assert_eq!(output.status.code(), Some(1), "{args:?}");
         text(&output.stderr)
     };
-    let set = [
-        "--matchers",
-        "sift",
-        "--estimator",
-        "ransac-e",
-        "--set",
-        setting,
-    ];
-    let grow = [&["run", "wall", "training", "--out", "run"], &set[..]].concat();
-    assert!(say(&grow).contains("was tuned on training"));
-    let apart = matchbench()
-        .current_dir(folder.path())
-        .args(["run", "training", "--out", "apart"])
-        .args(set)
-        .output()
-        .expect("the program starts");
-    succeeded(&apart);
-    let message = say(&["join", "run", "apart", "--out", "joined"]);
+    let sift = ["--matchers", "sift", "--estimator", "ransac-e"];
+    let tune = ["tune", "training", "--matchers", "sift", "--out", "tuning"];
+    let values = ["--parameter", "ransac-e.threshold_px", "--values", "0.01,1"];
+    succeeded(&go(&[&tune[..], &values].concat()));
+    let file = "tuning/tuned.json";
+    let chosen = fs::read(folder.path().join(file)).expect("it was written");
+    let chosen: serde_json::Value = serde_json::from_slice(&chosen).expect("JSON");
+    let set = ["--set", chosen["setting"].as_str().expect("a setting")];
+    let run = ["run", "wall", "--tuned", file, "--out", "run"];
+    succeeded(&go(&[&run[..], &sift].concat()));
+
+    let grown = ["run", "wall", "training", "--out", "run"];
+    let message = refused(&[&grown[..], &sift, &set].concat());
+    assert!(message.contains("was tuned on training"), "{message}");
+    let apart = ["run", "training", "--out", "apart"];
+    succeeded(&go(&[&apart[..], &sift, &set].concat()));
+    let message = refused(&["join", "run", "apart", "--out", "joined"]);
     assert!(message.contains("was tuned on training"), "{message}");
     assert!(!folder.path().join("joined").exists());
-    let other = [
-        "--set",
-        "ransac-e.threshold_px=5",
-        "--tuned",
-        "tuning/tuned.json",
-    ];
-    let other = [
-        &["run", "wall", "--matchers", "sift", "--out", "other"],
-        &other[..],
-    ]
-    .concat();
-    let message = say(&other);
+    let other = ["run", "wall", "--tuned", file, "--out", "other"];
+    let otherwise = ["--set", "ransac-e.threshold_px=5"];
+    let message = refused(&[&other[..], &sift, &otherwise].concat());
     assert!(
         message.contains("tuning/tuned.json: it chose ransac-e.threshold_px=")
             && message.contains("leave one of the two out"),

@@ -161,9 +161,10 @@ fn check_row(row: [f32; 5], a: Size, b: Size) -> Result<(), String> {
     }
     for (name, x, y, size) in [("a", x_a, y_a, a), ("b", x_b, y_b, b)] {
         if !is_inside(x, y, size) {
-            let exchanged = match is_inside(y, x, size) {
-                true => " (inside it if x and y were exchanged)",
-                false => "",
+            let exchanged = if is_inside(y, x, size) {
+                " (inside it if x and y were exchanged)"
+            } else {
+                ""
             };
             return Err(format!(
                 "lies outside image {name}: ({x}, {y}) of {size} pixels{exchanged}; points are pixels of the \

@@ -59,13 +59,14 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
         }
     };
     let strangers = strangers(leads);
-    let text = match strangers.is_empty() {
-        true => text,
-        false => format!(
+    let text = if strangers.is_empty() {
+        text
+    } else {
+        format!(
             "{text}; {} has no estimator in common with {}, so this compares estimators too: give all the same --estimator",
             first.best.0,
             together(&strangers)
-        ),
+        )
     };
     format!("{name}: {text}").replace(char::is_control, "\u{fffd}")
 }

@@ -42,6 +42,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod trial;
+mod tuned;
 mod work;
 
 pub use contender::{Contender, ContenderError, Outside, Variant, built_in, manifest};
@@ -60,20 +61,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
-use rayon::prelude::*;
-
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Frame, Sequence, Unpaired, Whole, decode_gray};
-use crate::files::read_file;
+use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
-use crate::records::{
-    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
-};
+use crate::records::{KeepMatches, RunFolder, RunRecord, RunSettings, RunWriter, Tuned};
 use depth::DepthMaps;
 use earlier::InOrder;
 use kept::{Kept, Retried};
 use pair::PairStages;
 use progress::{MatcherProgress, Stored};
+use tuned::{all_tuned, refuse_tuned};
 use work::Work;
 
 /// A dataset and where it came from.
@@ -413,39 +410,6 @@ impl Run<'_> {
         let milliseconds = self.settings.time_budget_ms?;
         Some(Duration::from_millis(milliseconds.get().into()))
     }
-}
-
-/// What was tuned for the run in this folder, if there is one already, and these choices, each once.
-fn all_tuned(folder: &Path, more: &[Tuned]) -> Result<Vec<Tuned>, FolderError> {
-    let mut all = match RunFolder::is_at(folder) {
-        true => RunFolder::open(folder)?.tuned()?,
-        false => Vec::new(),
-    };
-    for tuned in more {
-        if !all.contains(tuned) {
-            all.push(tuned.clone());
-        }
-    }
-    Ok(all)
-}
-
-/// Refuses to report on datasets that something was tuned on. Their images are read only if there is a choice to check; one
-/// that cannot be read is no image of a scene.
-fn refuse_tuned(tuned: &[Tuned], plan: &Plan, datasets: &[Dataset]) -> Result<(), FolderError> {
-    if tuned.is_empty() {
-        return Ok(());
-    }
-    let hash = |frame: &Frame| {
-        let file = read_file(&frame.image).ok()?;
-        Some(blake3::hash(&file).to_hex().to_string())
-    };
-    let images: Vec<BTreeSet<String>> = (datasets.iter())
-        .map(|dataset| {
-            let frames = dataset.sequence.frames.par_iter();
-            frames.filter_map(hash).collect()
-        })
-        .collect();
-    (tuned.iter()).try_for_each(|tuned| tuned.check(plan, &images))
 }
 
 /// The images that earlier processes worked with on each dataset of which something is left to be

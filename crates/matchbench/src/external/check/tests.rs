@@ -36,7 +36,7 @@ fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
     };
     let mut told = Vec::new();
     judge([(pair, &matched)].into_iter(), &mut |finding| {
-        told.push(finding)
+        told.push(finding);
     });
     let last = told.pop().unwrap();
     (last.verdict, last.text)
