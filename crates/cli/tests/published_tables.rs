@@ -52,6 +52,11 @@ fn cells<'a>(text: &'a str, heading: &str, id: &str) -> Vec<&'a str> {
         .skip(1)
         .find(|line| line.starts_with(&format!("| `{id}` |")));
     let row = row.unwrap_or_else(|| panic!("no row of {id} below `{heading}`"));
+    row_cells(row)
+}
+
+/// The cells of a row of a table in Markdown.
+fn row_cells(row: &str) -> Vec<&str> {
     row.trim_matches('|').split('|').map(str::trim).collect()
 }
 
@@ -215,7 +220,7 @@ fn the_times_of_speed_are_what_the_files_say() {
 /// Cells of the rows of a table in Markdown.
 fn rows_of(table: &str) -> impl Iterator<Item = Vec<&str>> {
     let rows = table.lines().filter(|line| line.starts_with('|'));
-    rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect())
+    rows.map(row_cells)
 }
 
 /// A ratio as `docs/speed.md` prints it: beside OpenCV as it comes, and in brackets the other one where there is one.

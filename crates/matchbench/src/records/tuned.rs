@@ -73,6 +73,17 @@ impl Tuned {
         Ok(())
     }
 
+    /// These choices, each once.
+    pub(crate) fn each_once(all: impl IntoIterator<Item = Self>) -> Vec<Self> {
+        let mut once = Vec::new();
+        for tuned in all {
+            if !once.contains(&tuned) {
+                once.push(tuned);
+            }
+        }
+        once
+    }
+
     /// Writes it for [`Tuned::read`].
     ///
     /// # Errors

@@ -240,7 +240,7 @@ impl Run<'_> {
 
         let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
-        let (mut ended, mut finished) = (BTreeSet::new(), Vec::new());
+        let (mut ended, mut finished) = (BTreeSet::new(), BTreeSet::new());
         for progress in progresses.iter().filter(|progress| !progress.is_done()) {
             let id = progress.contender.source.id();
             if cancel.is_set() {
@@ -261,13 +261,13 @@ impl Run<'_> {
                     self.refuse_removed(None)?;
                     return Err(error);
                 }
-                Ok(()) => finished.push(progress),
+                Ok(()) => {
+                    finished.insert(progress.names());
+                }
             }
         }
-        let removed = (progresses.iter()).find_map(|progress| {
-            let on = finished.iter().any(|done| std::ptr::eq(*done, progress));
-            progress.removed(on)
-        });
+        let removed = (progresses.iter())
+            .find_map(|progress| progress.removed(finished.contains(&progress.names())));
         self.refuse_removed(removed)?;
         Ok(summary)
     }

@@ -231,6 +231,11 @@ impl<'a> MatcherProgress<'a> {
         Ok((progress, lost))
     }
 
+    /// The names of its dataset and its matcher, by which a run knows it from all others.
+    pub(super) fn names(&self) -> [&str; 2] {
+        [&self.sequence.name, self.contender.source.id()]
+    }
+
     /// Whether a task was recorded that did not fail.
     pub(super) fn has_results(&self) -> bool {
         (self.estimators.iter()).any(|estimator| estimator.has_results)

@@ -12,17 +12,12 @@ use crate::records::{FolderError, Plan, RunFolder, Tuned};
 
 /// What was tuned for the run in this folder, if there is one already, and these choices, each once.
 pub(super) fn all_tuned(folder: &Path, more: &[Tuned]) -> Result<Vec<Tuned>, FolderError> {
-    let mut all = match RunFolder::open(folder) {
+    let before = match RunFolder::open(folder) {
         Ok(run) => run.tuned()?,
         // There is none, or what is wrong with it is told when the run starts.
         Err(_) => Vec::new(),
     };
-    for tuned in more {
-        if !all.contains(tuned) {
-            all.push(tuned.clone());
-        }
-    }
-    Ok(all)
+    Ok(Tuned::each_once(before.into_iter().chain(more.to_vec())))
 }
 
 /// Refuses to report on datasets that something was tuned on. Their images are read only if there is a choice to check; one

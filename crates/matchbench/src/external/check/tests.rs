@@ -7,6 +7,26 @@ use super::super::manifest::BuiltIn;
 use super::*;
 use crate::datasets::Turn;
 
+/// A pair of images whose cameras see their middles in the middle.
+fn check_pair(size: Size, focal_px: f64, truth: Truth) -> CheckPair {
+    let middle = [size.width, size.height].map(|side| side as f64 / 2.0);
+    CheckPair {
+        pair: [0, 1],
+        paths: ["/a.png", "/b.png"].map(PathBuf::from),
+        sizes: [size; 2],
+        cameras: [Camera::pinhole(focal_px, focal_px, middle[0], middle[1]); 2],
+        truth,
+    }
+}
+
+/// The truth of a camera that moved and turned so, in Euler angles.
+fn moved([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> Truth {
+    Truth::Pose(Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+    ))
+}
+
 /// Matches of points in space that two cameras see, without error.
 fn rows(pair: &CheckPair) -> Vec<[f32; 5]> {
     let mut rng = Seed(2).rng();
@@ -45,13 +65,7 @@ fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
 #[test]
 fn without_a_pose_the_homography_judges_and_without_either_nothing_is_certified() {
     let twice = Matrix3::new(2.0, 0.0, 1.0, 0.0, 2.0, 3.0, 0.0, 0.0, 1.0);
-    let mut pair = CheckPair {
-        pair: [0, 1],
-        paths: ["/a.png", "/b.png"].map(PathBuf::from),
-        sizes: [Size::new(1280, 960); 2],
-        cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-        truth: Truth::Homography(twice),
-    };
+    let mut pair = check_pair(Size::new(1280, 960), 1100.0, Truth::Homography(twice));
     let point = |i: u8| [f32::from(i) * 7.0, f32::from(i % 9) * 50.0];
     let right = |i: u8| point(i).map(|x| [x, 2.0 * x]);
     let right = (0..50)
@@ -97,16 +111,11 @@ fn a_dataset_that_turns_images_is_refused() {
 #[test]
 fn a_mistake_is_named_though_most_points_lie_near_their_lines() {
     // A small image and a short way to the side: at half their size all points are within 5 pixels of their lines.
-    let pair = CheckPair {
-        pair: [0, 1],
-        paths: ["/a.png", "/b.png"].map(PathBuf::from),
-        sizes: [Size::new(320, 240); 2],
-        cameras: [Camera::pinhole(275.0, 275.0, 160.0, 120.0); 2],
-        truth: Truth::Pose(Isometry3::from_parts(
-            Translation3::new(0.4, 0.02, 0.02),
-            UnitQuaternion::from_euler_angles(0.01, 0.006, 0.004),
-        )),
-    };
+    let pair = check_pair(
+        Size::new(320, 240),
+        275.0,
+        moved([0.4, 0.02, 0.02], [0.01, 0.006, 0.004]),
+    );
     let right = rows(&pair);
     assert_eq!(told(&pair, right.clone()).0, Verdict::Good);
     let half = |x: f32| f32::midpoint(x, 0.5) - 0.5;
@@ -123,15 +132,12 @@ fn a_mistake_is_named_though_most_points_lie_near_their_lines() {
 
 #[test]
 fn one_mistake_explains_all_pairs() {
-    let pair = |shift: f64| CheckPair {
-        pair: [0, 1],
-        paths: ["/a.png", "/b.png"].map(PathBuf::from),
-        sizes: [Size::new(640, 480); 2],
-        cameras: [Camera::pinhole(550.0, 550.0, 320.0, 240.0); 2],
-        truth: Truth::Pose(Isometry3::from_parts(
-            Translation3::new(shift, 0.3, 0.2),
-            UnitQuaternion::from_euler_angles(0.05, 0.2 * shift, 0.2),
-        )),
+    let pair = |shift: f64| {
+        check_pair(
+            Size::new(640, 480),
+            550.0,
+            moved([shift, 0.3, 0.2], [0.05, 0.2 * shift, 0.2]),
+        )
     };
     let pairs = [pair(0.3), pair(-0.8)];
     let matched = pairs.each_ref().map(|pair| Matched {
@@ -154,16 +160,11 @@ fn one_mistake_explains_all_pairs() {
 
 #[test]
 fn the_usual_mistakes_are_named() {
-    let pair = CheckPair {
-        pair: [0, 1],
-        paths: ["/a.png", "/b.png"].map(PathBuf::from),
-        sizes: [Size::new(1280, 960); 2],
-        cameras: [Camera::pinhole(1100.0, 1100.0, 640.0, 480.0); 2],
-        truth: Truth::Pose(Isometry3::from_parts(
-            Translation3::new(1.0, 0.3, 0.4),
-            UnitQuaternion::from_euler_angles(0.05, 0.2, 0.3),
-        )),
-    };
+    let pair = check_pair(
+        Size::new(1280, 960),
+        1100.0,
+        moved([1.0, 0.3, 0.4], [0.05, 0.2, 0.3]),
+    );
     let right = rows(&pair);
     let told = |change: &dyn Fn([f32; 5]) -> [f32; 5]| {
         told(&pair, right.iter().map(|&row| change(row)).collect())

@@ -412,13 +412,7 @@ fn are_lost(notes: &ImageNotes, folder: &RunFolder, dataset: &str) -> Result<boo
 
 /// The settings that any of the runs took over from tuning, each once.
 fn all_tuned(folders: &[RunFolder]) -> Result<Vec<Tuned>, FolderError> {
-    let mut all = Vec::new();
-    for folder in folders {
-        for tuned in folder.tuned()? {
-            if !all.contains(&tuned) {
-                all.push(tuned);
-            }
-        }
-    }
-    Ok(all)
+    let of_each = folders.iter().map(RunFolder::tuned);
+    let of_each = of_each.collect::<Result<Vec<_>, _>>()?;
+    Ok(Tuned::each_once(of_each.into_iter().flatten()))
 }
