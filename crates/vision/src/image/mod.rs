@@ -4,6 +4,7 @@
 
 mod blur;
 mod blur8;
+mod blur_at;
 pub(crate) mod diffusion;
 pub(crate) mod hessian;
 mod integral;

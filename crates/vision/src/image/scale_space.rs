@@ -4,7 +4,7 @@
 //! of Computer Vision 60(2), 91-110, 2004, section 3; after T. Lindeberg's theory (1994).
 //!
 //! A pixel of octave `o` is `2^o` pixels of the image wide. Layer `l` of the octave is blurred to
-//! `sigma 2^(o + l / intervals)`. The layers `0 ..= intervals + 2` are made, so that there are `intervals` differences of
+//! `sigma 2^(o + l / intervals)`. There are the layers `0 ..= intervals + 2`, so that there are `intervals` differences of
 //! neighbouring layers that have another difference on both sides. Each layer is made from the one before by
 //! the missing blur. Every second pixel of layer `intervals` is the base of the next octave.
 //!
@@ -14,10 +14,15 @@
 //! within its reach is there; rows out of reach are dropped. Only the base of the next octave is kept whole.
 //! Columns within reach of two neighbouring strips are made twice. At 3072 x 2048 pixels all layers would take
 //! 1.2 GB, and to pass each of them through memory would take more time than the sums.
+//!
+//! *The coarsest layer is not made.* Only extrema in the last of the differences meet the one beyond it, so few
+//! pixels of layer `intervals + 2`, whose blur is the widest, are ever looked at. They are computed when they are
+//! ([`Strip::coarsest_about`]).
 
 use std::ops::Range;
 
 use super::blur::{ALIGNED, Border, GaussianKernel, RowBlur};
+use super::blur_at::blur_at;
 use super::{FloatImage, GrayImage, RowBuffer, Size};
 use crate::simd::{ROWS_AT_ONCE, double_row, halve_row, rows_together, second_level_cache};
 
@@ -61,7 +66,7 @@ pub struct Octave {
 pub struct Reach {
     /// Columns and rows to each side in layers `1 ..= intervals`, which are the layers of keypoints.
     pub described: usize,
-    /// The same in all layers; `None` if layers beyond `intervals` need not be made.
+    /// The same in all layers; `None` if layers beyond `intervals` are not looked at.
     pub all: Option<usize>,
 }
 
@@ -149,6 +154,8 @@ pub struct Strip {
     octave: Octave,
     columns: Range<usize>,
     layers: Vec<RowBuffer>,
+    /// Makes layer `intervals + 2` from the one before, if it is looked at.
+    coarsest: Option<GaussianKernel>,
 }
 
 impl Strip {
@@ -167,9 +174,19 @@ impl Strip {
         &self.layers[layer]
     }
 
-    /// All layers that are made.
+    /// All layers that are made: `0 ..= intervals + 1`, or up to `intervals` if no others are within reach.
     pub fn layers(&self) -> &[RowBuffer] {
         &self.layers
+    }
+
+    /// The pixels of layer `intervals + 2` about (`x`, `y`), row after row.
+    ///
+    /// # Panics
+    /// If one of them is out of [`Reach::all`] or of the image.
+    pub fn coarsest_about(&self, x: usize, y: usize) -> [[f32; 3]; 3] {
+        let finer = self.layers.last().expect("more than intervals");
+        let kernel = self.coarsest.as_ref().expect("all layers within reach");
+        blur_at(finer, kernel, x, y)
     }
 }
 
@@ -264,7 +281,8 @@ impl Base for BlurredImage<'_> {
 struct StripBuilder {
     strip: Strip,
     intervals: usize,
-    reach: Reach,
+    /// Rows below the visited one that must exist, for each layer.
+    below: Vec<usize>,
     /// `blurs[l]` makes layer `l + 1` from layer `l`.
     blurs: Vec<RowBlur>,
 }
@@ -281,12 +299,17 @@ impl StripBuilder {
         let size = octave.size;
         let intervals = shape.intervals;
         let mut kernels = shape.kernels();
+        let coarsest = kernels.pop().filter(|_| reach.all.is_some());
+        let blurred = coarsest.as_ref().map_or(0, GaussianKernel::radius);
         if reach.all.is_none() {
             kernels.truncate(intervals);
         }
         let looked_at = |layer: usize| {
             let described = (1..=intervals).contains(&layer).then_some(reach.described);
-            described.max(reach.all).unwrap_or(0)
+            // The coarsest layer is computed from the one before.
+            let further = if layer == intervals + 1 { blurred } else { 0 };
+            let all = reach.all.map(|all| all + further);
+            described.max(all).unwrap_or(0)
         };
         let mut ahead = rows_ahead(&kernels, looked_at);
         let mut layers = Vec::new();
@@ -320,13 +343,14 @@ impl StripBuilder {
         layers.reverse();
         blurs.reverse();
         Self {
+            below: (0..layers.len()).map(looked_at).collect(),
             strip: Strip {
                 octave,
                 columns,
                 layers,
+                coarsest,
             },
             intervals,
-            reach,
             blurs,
         }
     }
@@ -375,14 +399,8 @@ impl StripBuilder {
     /// Whether all rows exist that a visitor of row `y` looks at.
     fn is_within_reach(&self, y: usize) -> bool {
         let height = self.strip.octave.size.height;
-        let holds = |layers: &[RowBuffer], reach: usize| {
-            layers
-                .iter()
-                .all(|layer| layer.made() >= height.min(y + reach + 1))
-        };
-        let layers = &self.strip.layers;
-        holds(&layers[1..=self.intervals], self.reach.described)
-            && self.reach.all.is_none_or(|reach| holds(layers, reach))
+        let mut layers = self.strip.layers.iter().zip(&self.below);
+        layers.all(|(layer, below)| layer.made() >= height.min(y + below + 1))
     }
 }
 
@@ -432,7 +450,7 @@ mod tests {
         GrayImage::from_fn(size, |_, _| rng.below(256) as u8)
     }
 
-    /// Notes which rows it saw, and keeps the layers.
+    /// Notes which rows it saw, and keeps the layers. The coarsest is kept if anything about it is within reach.
     struct Keeper {
         reach: Reach,
         seen: Vec<(i32, usize, usize)>,
@@ -449,12 +467,12 @@ mod tests {
             let columns = strip.columns();
             self.seen.push((number, columns.start, y));
             if (columns.start, y) == (0, 0) {
-                let layers = strip.layers().iter();
-                let layers = layers.map(|_| FloatImage::filled(size, 0.0));
-                self.octaves.push(layers.collect());
+                let count = strip.layers().len() + usize::from(self.reach.all > Some(0));
+                self.octaves
+                    .push(vec![FloatImage::filled(size, 0.0); count]);
             }
             let octave = self.octaves.last_mut().expect("made at its first row");
-            for (number, (layer, kept)) in strip.layers().iter().zip(octave).enumerate() {
+            for (number, (layer, kept)) in strip.layers().iter().zip(&mut *octave).enumerate() {
                 let reach = match self.reach.all {
                     None if number == 0 => 0,
                     Some(all) if !(1..=SHAPE.intervals).contains(&number) => all,
@@ -466,6 +484,19 @@ mod tests {
                     assert_eq!(layer.row(row).len(), held.len(), "row {row} at {y}");
                 }
                 kept.row_mut(y)[held].copy_from_slice(layer.row(y));
+            }
+            if let (Some(all @ 1..), Some(coarsest)) = (self.reach.all, octave.last_mut()) {
+                let places = |v: usize, length: usize| {
+                    let (before, after) = ((v + 1).saturating_sub(all), v + all - 1);
+                    [before, v, after].map(|v| v.clamp(1, length - 2))
+                };
+                for x in columns.flat_map(|x| places(x, size.width)) {
+                    for y in places(y, size.height) {
+                        for (row, y) in strip.coarsest_about(x, y).iter().zip(y - 1..) {
+                            coarsest.row_mut(y)[x - 1..=x + 1].copy_from_slice(row);
+                        }
+                    }
+                }
             }
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point2, Vector3};
 
 use super::{MAX_SCALES, SiftParams};
-use crate::image::{RowBuffer, Strip};
+use crate::image::Strip;
 use crate::simd::{ThreeRows, find_extrema_of_differences};
 
 /// No extrema are looked for in so many pixels along the border.
@@ -69,7 +69,9 @@ impl<'a> ExtremumFinder<'a> {
         let threshold = (0.5 * contrast_threshold / octave_layers as f32 / GREY).floor();
         // All rows from one column of the image on, the same multiple of a cache line as their buffers.
         let first = (start - 1) / 16 * 16;
-        let layers = strip.layers();
+        // In place of the coarsest layer, which is not made, stands the one before again. The difference of the two is
+        // zero, which is beaten by all that exceeds the threshold.
+        let layers = strip.layers().iter().chain(strip.layers().last());
         let mut rows: [ThreeRows<'_>; MAX_LAYERS] = [[&[]; 3]; MAX_LAYERS];
         for (rows, layer) in rows.iter_mut().zip(layers) {
             let skipped = first - layer.columns().start;
@@ -77,10 +79,11 @@ impl<'a> ExtremumFinder<'a> {
         }
         self.columns.iter_mut().for_each(Vec::clear);
         let within = start - first..end - first;
-        find_extrema_of_differences(&rows[..layers.len()], within, threshold, &mut self.columns);
+        let rows = &rows[..octave_layers + 3];
+        find_extrema_of_differences(rows, within, threshold, &mut self.columns);
         let fit = Fit {
             params: self.params,
-            layers,
+            strip,
         };
         for (columns, layer) in self.columns.iter().zip(1..) {
             let columns = columns.iter().map(|&x| first + x as usize);
@@ -89,10 +92,31 @@ impl<'a> ExtremumFinder<'a> {
     }
 }
 
+/// The pixels about a place in four neighbouring layers, of which three differences are made.
+struct Cube([[[f32; 3]; 3]; 4]);
+
+impl Cube {
+    /// Difference `dl` in row `dy` and column `dx`. The place is (1, 1, 1).
+    fn at(&self, dx: usize, dy: usize, dl: usize) -> f32 {
+        self.0[dl + 1][dy][dx] - self.0[dl][dy][dx]
+    }
+
+    /// Whether the place is as extreme as all nine pixels of the coarser difference.
+    fn beats_coarser(&self) -> bool {
+        let value = self.at(1, 1, 1);
+        let mut coarser = (0..3).flat_map(|dy| (0..3).map(move |dx| self.at(dx, dy, 2)));
+        if value > 0.0 {
+            coarser.all(|other| value >= other)
+        } else {
+            coarser.all(|other| value <= other)
+        }
+    }
+}
+
 /// The quadratic fit in the differences of Gaussians.
 struct Fit<'a> {
     params: &'a SiftParams,
-    layers: &'a [RowBuffer],
+    strip: &'a Strip,
 }
 
 /// Value, gradient and Hessian at a pixel, in the order column, row, layer.
@@ -104,13 +128,18 @@ struct Derivatives {
 
 impl Fit<'_> {
     /// The extremum near pixel (`x`, `y`) of `layer`, unless the fit leaves the image or does not
-    /// settle, or the contrast is low or the place on an edge.
+    /// settle, or the contrast is low or the place on an edge. In the last layer the pixel may be none among its
+    /// coarser neighbours, which were not there to be searched.
     fn run(&self, layer: usize, x: usize, y: usize) -> Option<Extremum> {
         let start = [x as i32, y as i32];
         let mut place = [x as i32, y as i32, layer as i32];
+        let mut cube = self.cube(layer, x, y);
+        if layer == self.params.octave_layers && !cube.beats_coarser() {
+            return None;
+        }
         for _ in 0..MAX_STEPS {
             let [x, y, layer] = place.map(|v| v as usize);
-            let derivatives = self.derivatives(layer, x, y);
+            let derivatives = derivatives(&cube);
             let offset = -solve(&derivatives.hessian, &derivatives.gradient);
             if offset.iter().all(|v| v.abs() < 0.5) {
                 return self.accept([x, y], layer, &derivatives, &offset);
@@ -121,12 +150,14 @@ impl Fit<'_> {
             if !self.is_inside(place, start) {
                 return None;
             }
+            let [x, y, layer] = place.map(|v| v as usize);
+            cube = self.cube(layer, x, y);
         }
         None
     }
 
     fn is_inside(&self, [x, y, layer]: [i32; 3], start: [i32; 2]) -> bool {
-        let size = self.layers[0].size();
+        let size = self.strip.octave().size;
         let within = |v: i32, start: i32, length: usize| {
             v >= BORDER as i32
                 && v < (length - BORDER) as i32
@@ -171,34 +202,43 @@ impl Fit<'_> {
         })
     }
 
-    fn derivatives(&self, layer: usize, x: usize, y: usize) -> Derivatives {
-        let mut layers = [[&[0.0; 3]; 3]; 4];
-        for (rows, layer) in layers.iter_mut().zip(&self.layers[layer - 1..]) {
+    fn cube(&self, layer: usize, x: usize, y: usize) -> Cube {
+        let mut cube = [[[0.0; 3]; 3]; 4];
+        let layers = &self.strip.layers()[layer - 1..];
+        for (rows, layer) in cube.iter_mut().zip(layers) {
             for (row, y) in rows.iter_mut().zip(y - 1..) {
                 let pixels = &layer.row(y)[x - 1 - layer.columns().start..];
-                *row = pixels.first_chunk().expect("a column on each side");
+                *row = *pixels.first_chunk().expect("a column on each side");
             }
         }
-        let at = |dx: usize, dy: usize, dl: usize| layers[dl + 1][dy][dx] - layers[dl][dy][dx];
-        let value = at(1, 1, 1);
-        let first = |a: f32, b: f32| 0.5 * GREY * (b - a);
-        let second = |a: f32, b: f32| GREY * (a + b - 2.0 * value);
-        let mixed = |aa: f32, ab: f32, ba: f32, bb: f32| 0.25 * GREY * (bb - ba - ab + aa);
-        let xx = second(at(0, 1, 1), at(2, 1, 1));
-        let yy = second(at(1, 0, 1), at(1, 2, 1));
-        let ss = second(at(1, 1, 0), at(1, 1, 2));
-        let xy = mixed(at(0, 0, 1), at(0, 2, 1), at(2, 0, 1), at(2, 2, 1));
-        let xs = mixed(at(0, 1, 0), at(0, 1, 2), at(2, 1, 0), at(2, 1, 2));
-        let ys = mixed(at(1, 0, 0), at(1, 0, 2), at(1, 2, 0), at(1, 2, 2));
-        Derivatives {
-            value: GREY * value,
-            gradient: Vector3::new(
-                first(at(0, 1, 1), at(2, 1, 1)),
-                first(at(1, 0, 1), at(1, 2, 1)),
-                first(at(1, 1, 0), at(1, 1, 2)),
-            ),
-            hessian: Matrix3::new(xx, xy, xs, xy, yy, ys, xs, ys, ss),
+        if layers.len() < cube.len() {
+            cube[layers.len()] = self.strip.coarsest_about(x, y);
         }
+        Cube(cube)
+    }
+}
+
+/// The derivatives at the place in the middle.
+fn derivatives(cube: &Cube) -> Derivatives {
+    let at = |dx, dy, dl| cube.at(dx, dy, dl);
+    let value = at(1, 1, 1);
+    let first = |a: f32, b: f32| 0.5 * GREY * (b - a);
+    let second = |a: f32, b: f32| GREY * (a + b - 2.0 * value);
+    let mixed = |aa: f32, ab: f32, ba: f32, bb: f32| 0.25 * GREY * (bb - ba - ab + aa);
+    let xx = second(at(0, 1, 1), at(2, 1, 1));
+    let yy = second(at(1, 0, 1), at(1, 2, 1));
+    let ss = second(at(1, 1, 0), at(1, 1, 2));
+    let xy = mixed(at(0, 0, 1), at(0, 2, 1), at(2, 0, 1), at(2, 2, 1));
+    let xs = mixed(at(0, 1, 0), at(0, 1, 2), at(2, 1, 0), at(2, 1, 2));
+    let ys = mixed(at(1, 0, 0), at(1, 0, 2), at(1, 2, 0), at(1, 2, 2));
+    Derivatives {
+        value: GREY * value,
+        gradient: Vector3::new(
+            first(at(0, 1, 1), at(2, 1, 1)),
+            first(at(1, 0, 1), at(1, 2, 1)),
+            first(at(1, 1, 0), at(1, 1, 2)),
+        ),
+        hessian: Matrix3::new(xx, xy, xs, xy, yy, ys, xs, ys, ss),
     }
 }
 

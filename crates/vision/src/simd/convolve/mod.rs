@@ -14,6 +14,8 @@ mod avx512;
 pub const ROWS_AT_ONCE: usize = 8;
 /// As many as sixteen registers have sums for.
 const FEWER_ROWS: usize = 4;
+/// The rows about a single place.
+const ROWS_ABOUT: usize = 3;
 
 /// How many rows it is best to ask for: with vectors of 64 bytes there are registers for the sums of eight rows, whose
 /// inputs lie in the second-level cache and are loaded half as often. Halved vectors gain nothing. Whoever makes rows that
@@ -56,6 +58,9 @@ fn weigh_rows_avx512(rows: &[&[f32]], taps: &[f32], out: &mut [&mut [f32]]) -> u
                 (true, _, false) => avx512::weigh_rows::<ROWS_AT_ONCE, 2, true>(rows, taps, out),
                 (_, true, false) => avx512::weigh_rows::<FEWER_ROWS, 4, true>(rows, taps, out),
                 (_, true, true) => avx512::weigh_rows::<FEWER_ROWS, 4, false>(rows, taps, out),
+                _ if most == ROWS_ABOUT => {
+                    avx512::weigh_rows::<ROWS_ABOUT, 2, false>(rows, taps, out)
+                }
                 _ => return made,
             }
         };
@@ -96,10 +101,10 @@ multiversioned! {
         let mut first = 0;
         while first < out.len() {
             let (rows, out) = (&rows[first..], &mut out[first..]);
-            first += if out.len().min(taps.len()) >= FEWER_ROWS {
-                rows_pass::<FEWER_ROWS>(rows, taps, out)
-            } else {
-                rows_pass::<1>(rows, taps, out)
+            first += match out.len().min(taps.len()) {
+                FEWER_ROWS.. => rows_pass::<FEWER_ROWS>(rows, taps, out),
+                ROWS_ABOUT.. => rows_pass::<ROWS_ABOUT>(rows, taps, out),
+                _ => rows_pass::<1>(rows, taps, out),
             };
         }
     }
@@ -230,6 +235,7 @@ mod tests {
             (15, 3, 8),
             (33, 4, 5),
             (70, 11, 8),
+            (70, 11, 3),
             (70, 9, 7),
             (41, 11, 1),
         ] {

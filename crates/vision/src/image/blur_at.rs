@@ -1,0 +1,114 @@
+//! A Gaussian blur at single places, for layers of which few pixels are looked at.
+
+use super::RowBuffer;
+use super::blur::{Border, GaussianKernel};
+use crate::simd::{weigh_rows, weigh_symmetric};
+
+/// Columns that the vertical pass makes together.
+const BLOCK: usize = 32;
+/// Columns that the horizontal pass makes together, of which three are wanted.
+const LANES: usize = 8;
+
+/// The nine pixels about (`x`, `y`) of `input` blurred by a Gaussian, row after row. Beyond its border the image is
+/// mirrored. The bits are those of the whole image blurred, since both passes are the same.
+///
+/// # Panics
+/// If `input` lacks a row or a column that the kernel reaches, or if (`x`, `y`) lies on the border of the image.
+pub(super) fn blur_at(
+    input: &RowBuffer,
+    kernel: &GaussianKernel,
+    x: usize,
+    y: usize,
+) -> [[f32; 3]; 3] {
+    let (size, held, taps) = (input.size(), input.columns(), kernel.taps());
+    assert!(
+        x > 0 && x + 1 < size.width && y > 0 && y + 1 < size.height,
+        "a pixel on each side of ({x}, {y}) in {size}"
+    );
+    let reach = kernel.radius() + 1;
+    let count = 2 * reach + 1;
+    let is_far_inside = x >= held.start + reach
+        && x - reach + BLOCK <= held.end
+        && y >= reach
+        && y + reach < size.height;
+    if is_far_inside && count <= BLOCK {
+        // Nearly all places of SIFT's widest kernel. No memory is allocated, and no pixel copied.
+        let place = x - reach - held.start;
+        let mut rows: [&[f32]; BLOCK] = [&[]; BLOCK];
+        for (part, row) in rows.iter_mut().zip(input.rows(y - reach..y + reach + 1)) {
+            *part = &row[place..][..BLOCK];
+        }
+        let mut sums = [[0.0; BLOCK + LANES]; 3];
+        let mut sums = sums.each_mut().map(<[f32; BLOCK + LANES]>::as_mut_slice);
+        return weigh_about(&rows[..count], taps, &mut sums);
+    }
+    let mirrored = |v: usize, length: usize| {
+        let places = (0..count).map(move |i| (v + i) as isize - reach as isize);
+        places.map(move |place| Border::Mirror.index(place, length))
+    };
+    let columns = count.next_multiple_of(BLOCK);
+    let mut pixels = vec![0.0; count * columns];
+    for (part, y) in pixels
+        .chunks_exact_mut(columns)
+        .zip(mirrored(y, size.height))
+    {
+        let row = input.row(y);
+        for (pixel, x) in part.iter_mut().zip(mirrored(x, size.width)) {
+            *pixel = row[x - held.start];
+        }
+    }
+    let rows: Vec<&[f32]> = pixels.chunks_exact(columns).collect();
+    let mut sums = [0, 1, 2].map(|_| vec![0.0; columns + LANES]);
+    weigh_about(&rows, taps, &mut sums.each_mut().map(Vec::as_mut_slice))
+}
+
+/// Both passes. Rows are of whole blocks, of which the first columns count, two more than there are taps. `sums` is memory
+/// for the vertical pass.
+fn weigh_about(rows: &[&[f32]], taps: &[f32], sums: &mut [&mut [f32]; 3]) -> [[f32; 3]; 3] {
+    let columns = rows[0].len();
+    let mut blocks = sums.each_mut().map(|row| &mut row[..columns]);
+    weigh_rows(rows, taps, &mut blocks);
+    sums.each_ref().map(|row| {
+        let mut lanes = [0.0; LANES];
+        weigh_symmetric(&row[..taps.len() + LANES - 1], taps, &mut lanes);
+        [lanes[0], lanes[1], lanes[2]]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{FloatImage, Size, gaussian_blur};
+    use crate::seed::Seed;
+
+    #[test]
+    fn every_pixel_is_that_of_the_blurred_image() {
+        let mut rng = Seed(11).rng();
+        for (width, height, sigma) in [
+            (3, 3, 3.1),
+            (11, 40, 3.1),
+            (60, 35, 2.2),
+            (41, 12, 0.3),
+            (90, 70, 8.2),
+        ] {
+            let size = Size::new(width, height);
+            let image = FloatImage::from_fn(size, |_, _| rng.uniform() as f32 * 255.0);
+            let blurred = gaussian_blur(&image, sigma);
+            let mut input = RowBuffer::whole(size);
+            while !input.is_complete() {
+                let made = input.made();
+                for (y, row) in (made..).zip(input.append(1)) {
+                    row.copy_from_slice(image.row(y));
+                }
+            }
+            for y in 1..height - 1 {
+                for x in 1..width - 1 {
+                    let pixels = blur_at(&input, &GaussianKernel::new(sigma), x, y);
+                    for (row, y) in pixels.iter().zip(y - 1..) {
+                        assert_eq!(row, &blurred.row(y)[x - 1..=x + 1], "({x}, {y}) of {size}");
+                    }
+                }
+            }
+        }
+    }
+}
