@@ -3,7 +3,7 @@
 
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use matchbench::files::write_whole;
 use matchbench::report::{check_target, shell_word};
@@ -35,6 +35,12 @@ pub(crate) fn write_result(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     check_target(path)?;
     write_whole(path, bytes)
+}
+
+/// Says before long work whether [`write_result`] will refuse one of its `files`.
+pub(crate) fn check_results<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> io::Result<()> {
+    let mut files = files.into_iter().filter(|path| !is_standard_output(path));
+    files.try_for_each(|path| check_target(path))
 }
 
 /// Standard output for lines of text, which are made [`harmless`].

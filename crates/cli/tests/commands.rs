@@ -438,6 +438,12 @@ fn time_has_a_line_for_every_matcher() {
             "{line}"
         );
     }
+    // Before anything is measured.
+    let refused = run(&[&arguments[..], &["--csv", &format!("{wall}/dataset.toml")]].concat());
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(refused.stdout.is_empty(), "{}", text(&refused.stdout));
+    let said = text(&refused.stderr);
+    assert!(said.contains("which it would damage"), "{said}");
 }
 
 #[test]

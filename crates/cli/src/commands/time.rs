@@ -13,10 +13,11 @@ use matchbench::time::{machine, time};
 use crate::Ending;
 use crate::args::TimeArgs;
 use crate::commands::job::{changes, check_names};
-use crate::output::{say, stdout, write_result};
+use crate::output::{check_results, say, stdout, write_result};
 use crate::stop::Stop;
 
 pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
+    check_results([&args.csv, &args.latex].into_iter().flatten())?;
     check_names(&args.matchers)?;
     if let Some(path) = args.matchers.iter().find(|name| Manifest::is_path(name)) {
         bail!(

@@ -36,8 +36,13 @@ pub enum StudyError {
         remedy: &'static str,
     },
     /// A dataset cannot be opened or imported.
-    #[error(transparent)]
-    Dataset(#[from] DatasetError),
+    #[error("{}{error}", .at.as_ref().map(|(file, line)| format!("{}:{line}: ", file.display())).unwrap_or_default())]
+    Dataset {
+        /// The run file and the line that names it, if one does.
+        at: Option<(PathBuf, usize)>,
+        /// What is wrong.
+        error: Box<DatasetError>,
+    },
     /// The run would be written into a dataset.
     #[error("{} is a dataset, and a run needs a folder of its own; choose another", folder.display())]
     OutIsDataset {

@@ -48,14 +48,18 @@ impl Study {
             what: with_suggestion(&error.message().replace('\n', ", ")),
             remedy: CORRECT,
         };
-        let study: Self = toml::from_str(text).map_err(wrong)?;
+        let mut study: Self = toml::from_str(text).map_err(wrong)?;
         let places: Places = toml::from_str(text).map_err(wrong)?;
-        let place = |id: toml::Spanned<String>| {
-            let line = line_of(text, id.span().start);
-            (id.into_inner(), (file.to_path_buf(), line))
-        };
-        let set_at = places.set.into_keys().map(place).collect();
-        Ok(Self { set_at, ..study })
+        let at = |start: usize| (file.to_path_buf(), line_of(text, start));
+        let ids = places.set.into_keys().map(|id| {
+            let at = at(id.span().start);
+            (id.into_inner(), at)
+        });
+        study.set_at = ids.collect();
+        for (dataset, place) in study.datasets.iter_mut().zip(places.datasets) {
+            dataset.at = Some(at(place.path.span().start));
+        }
+        Ok(study)
     }
 
     /// Makes all relative paths start from `folder`.
@@ -95,11 +99,18 @@ impl Study {
     }
 }
 
-/// The lines of the ids of settings.
+/// The lines of the ids of settings and of the folders of datasets.
 #[derive(Deserialize)]
 struct Places {
     #[serde(default)]
     set: BTreeMap<toml::Spanned<String>, toml::Value>,
+    #[serde(default, rename = "dataset")]
+    datasets: Vec<DatasetPlace>,
+}
+
+#[derive(Deserialize)]
+struct DatasetPlace {
+    path: toml::Spanned<toml::Value>,
 }
 
 fn line_of(text: &str, byte: usize) -> usize {
@@ -124,7 +135,10 @@ mod tests {
         let expected = Study {
             matchers: vec!["sift".into()],
             seed: 3,
-            datasets: vec![StudyDataset::at("office")],
+            datasets: vec![StudyDataset {
+                at: Some(("study.toml".into(), 4)),
+                ..StudyDataset::at("office")
+            }],
             ..Study::default()
         };
         assert_eq!(study, expected);

@@ -155,6 +155,9 @@ pub struct StudyDataset {
     /// The matchers that are run on it, instead of those of the study.
     #[serde(default, deserialize_with = "names::some_matchers")]
     pub matchers: Option<Vec<String>>,
+    /// The run file, and the line in it of the folder, if a run file names it.
+    #[serde(skip)]
+    pub at: Option<(PathBuf, usize)>,
 }
 
 impl StudyDataset {

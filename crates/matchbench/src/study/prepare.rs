@@ -381,10 +381,12 @@ fn open(
     open_dataset: fn(&Path) -> Result<Dataset, DatasetError>,
     tell: &dyn Fn(News<'_>),
 ) -> Result<Dataset, StudyError> {
-    if let Some(import) = &asked.import {
-        import.once(&asked.path, tell)?;
-    }
-    Ok(open_dataset(&asked.path)?)
+    let imported = (asked.import.as_ref()).map_or(Ok(()), |import| import.once(&asked.path, tell));
+    let opened = imported.and_then(|()| open_dataset(&asked.path));
+    opened.map_err(|error| StudyError::Dataset {
+        at: asked.at.clone(),
+        error: Box::new(error),
+    })
 }
 
 /// The id that a matcher of this name has in a run.
@@ -436,7 +438,12 @@ mod tests {
         study.matchers = vec!["srf".into()];
         assert!(prepare(&study).contains("surf"));
         study.matchers = vec!["sift".into()];
-        assert!(prepare(&study).contains("absent"));
+        assert!(prepare(&study).contains("absent: no such folder"));
+
+        let text = "out = 'run'\nmatchers = ['sift']\n[[dataset]]\npath = 'absent'\n";
+        let study = Study::parse(text, Path::new("study.toml")).unwrap();
+        let error = prepare(&study);
+        assert!(error.starts_with("study.toml:4: "), "{error}");
     }
 
     #[test]
