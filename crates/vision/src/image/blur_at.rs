@@ -4,7 +4,7 @@ use super::RowBuffer;
 use super::blur::{Border, GaussianKernel};
 use crate::simd::{weigh_rows, weigh_symmetric};
 
-/// Columns that the vertical pass makes together.
+/// Columns that the vertical pass makes together. SIFT's widest kernel needs no more about a place.
 const BLOCK: usize = 32;
 /// Columns that the horizontal pass makes together, of which three are wanted.
 const LANES: usize = 8;
@@ -27,26 +27,21 @@ pub(super) fn blur_at(
     );
     let reach = kernel.radius() + 1;
     let count = 2 * reach + 1;
+    // What rows hold beyond the columns that are needed is summed and not used.
+    let columns = count.next_multiple_of(BLOCK);
     let is_far_inside = x >= held.start + reach
-        && x - reach + BLOCK <= held.end
+        && x - reach + columns <= held.end
         && y >= reach
         && y + reach < size.height;
-    if is_far_inside && count <= BLOCK {
-        // Nearly all places of SIFT's widest kernel. No memory is allocated, and no pixel copied.
-        let place = x - reach - held.start;
-        let mut rows: [&[f32]; BLOCK] = [&[]; BLOCK];
-        for (part, row) in rows.iter_mut().zip(input.rows(y - reach..y + reach + 1)) {
-            *part = &row[place..][..BLOCK];
-        }
-        let mut sums = [[0.0; BLOCK + LANES]; 3];
-        let mut sums = sums.each_mut().map(<[f32; BLOCK + LANES]>::as_mut_slice);
-        return weigh_about(&rows[..count], taps, &mut sums);
+    if is_far_inside {
+        let start = x - reach - held.start;
+        let rows = input.rows(y - reach..y + reach + 1);
+        return weigh_about(rows.map(|row| &row[start..][..columns]), taps, columns);
     }
     let mirrored = |v: usize, length: usize| {
         let places = (0..count).map(move |i| (v + i) as isize - reach as isize);
         places.map(move |place| Border::Mirror.index(place, length))
     };
-    let columns = count.next_multiple_of(BLOCK);
     let mut pixels = vec![0.0; count * columns];
     for (part, y) in pixels
         .chunks_exact_mut(columns)
@@ -57,18 +52,34 @@ pub(super) fn blur_at(
             *pixel = row[x - held.start];
         }
     }
-    let rows: Vec<&[f32]> = pixels.chunks_exact(columns).collect();
-    let mut sums = [0, 1, 2].map(|_| vec![0.0; columns + LANES]);
-    weigh_about(&rows, taps, &mut sums.each_mut().map(Vec::as_mut_slice))
+    weigh_about(pixels.chunks_exact(columns), taps, columns)
 }
 
-/// Both passes. Rows are of whole blocks, of which the first columns count, two more than there are taps. `sums` is memory
-/// for the vertical pass.
-fn weigh_about(rows: &[&[f32]], taps: &[f32], sums: &mut [&mut [f32]; 3]) -> [[f32; 3]; 3] {
-    let columns = rows[0].len();
+/// Both passes over two more rows than there are taps, which hold so many `columns`.
+fn weigh_about<'a>(
+    input: impl Iterator<Item = &'a [f32]>,
+    taps: &[f32],
+    columns: usize,
+) -> [[f32; 3]; 3] {
+    let (count, width) = (taps.len() + 2, columns + LANES);
+    // Nothing is allocated for a single block.
+    let mut of_block: ([&[f32]; BLOCK], _) = ([&[]; BLOCK], [0.0; 3 * (BLOCK + LANES)]);
+    let mut of_blocks;
+    let (rows, sums) = if columns == BLOCK {
+        (&mut of_block.0[..count], &mut of_block.1[..])
+    } else {
+        of_blocks = (vec![&[][..]; count], vec![0.0; 3 * width]);
+        (&mut of_blocks.0[..], &mut of_blocks.1[..])
+    };
+    for (row, input) in rows.iter_mut().zip(input) {
+        *row = input;
+    }
+    let (above, rest) = sums.split_at_mut(width);
+    let (middle, below) = rest.split_at_mut(width);
+    let mut sums = [above, middle, below];
     let mut blocks = sums.each_mut().map(|row| &mut row[..columns]);
     weigh_rows(rows, taps, &mut blocks);
-    sums.each_ref().map(|row| {
+    sums.map(|row| {
         let mut lanes = [0.0; LANES];
         weigh_symmetric(&row[..taps.len() + LANES - 1], taps, &mut lanes);
         [lanes[0], lanes[1], lanes[2]]
