@@ -59,7 +59,7 @@ const REACH: usize = 24;
 pub struct LatchParams {
     /// Pixels that a patch reaches from its centre to each side, 0 to 3.
     pub half_patch: usize,
-    /// Standard deviation of the blur in pixels, 0 (none) to 10.
+    /// Standard deviation of the blur in pixels, 0 (none), or 0.01 to 10.
     pub sigma: f64,
     /// Whether the orientation of keypoints is ignored.
     pub upright: bool,

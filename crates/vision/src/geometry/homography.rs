@@ -34,12 +34,12 @@ pub fn squared_transfer_distances(
     out: &mut [f64],
 ) {
     assert_eq!(range.len(), out.len(), "one entry for each match");
+    let points = [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y];
+    let points = points.map(|values| &values[range.clone()]);
     let Some(back) = h.try_inverse() else {
         out.fill(f64::INFINITY);
         return;
     };
-    let points = [&pairs.a_x, &pairs.a_y, &pairs.b_x, &pairs.b_y];
-    let points = points.map(|values| &values[range.clone()]);
     simd::squared_transfer(&row_major(h), &row_major(&back), points, out);
 }
 

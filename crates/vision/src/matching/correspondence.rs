@@ -13,8 +13,9 @@ pub struct Correspondence {
     pub b: u32,
     /// Distance of the two descriptors: Euclidean, or the number of differing bits.
     pub distance: f32,
-    /// Distance from `a` to the second nearest feature of `b`; infinite if there is none. The ratio test uses
-    /// it.
+    /// Distance from `a` to the second nearest feature of `b`, of those at another place where a search asks for that;
+    /// for a candidate that is not the nearest, the distance to the nearest. Infinite if there is none. The ratio test
+    /// uses it.
     pub second: f32,
 }
 
@@ -30,6 +31,13 @@ impl Correspondence {
 
 /// Correspondences between two images, ordered by `a` unless a selector says otherwise.
 pub type Correspondences = Vec<Correspondence>;
+
+/// Indices of the matches, the least ambiguous first; equally ambiguous ones keep their order.
+pub(super) fn clearest_first(matches: &[Correspondence]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..matches.len()).collect();
+    order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
+    order
+}
 
 /// Keeps the matches whose entry in `mask` is `true`, in their order.
 ///

@@ -108,12 +108,12 @@ pub trait Matcher: Send + Sync {
         let putative = self.search(&features_a, &features_b)?;
         let view_a = View {
             features: &features_a,
-            image: Some(a),
+            image: self.uses_pixels().then_some(a),
             camera: cameras.map(|(camera, _)| camera),
         };
         let view_b = View {
             features: &features_b,
-            image: Some(b),
+            image: self.uses_pixels().then_some(b),
             camera: cameras.map(|(_, camera)| camera),
         };
         let selected = self.select(view_a, view_b, putative, seed)?;

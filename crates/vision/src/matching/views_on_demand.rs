@@ -31,9 +31,9 @@ pub struct ViewsOnDemand {
     pub enough: Option<u32>,
     /// Compares all features.
     pub search: PlacewiseNeighbours,
-    /// Selects matches if only the images themselves are compared.
+    /// Selects matches if `enough` is set and all matches are of features of the images themselves.
     pub of_images: Adalam,
-    /// Selects matches if views are compared too.
+    /// Selects all other matches.
     pub of_views: Adalam,
 }
 
@@ -68,10 +68,9 @@ impl Search for ViewsOnDemand {
 impl Selector for ViewsOnDemand {
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, seed: Seed) {
         let [image_a, image_b] = [a, b].map(|view| features_of_image(view.features));
-        let has_views = image_a.len() < a.features.len() || image_b.len() < b.features.len();
         let of_images = (matches.iter())
             .all(|found| (found.a as usize) < image_a.len() && (found.b as usize) < image_b.len());
-        if self.enough.is_some() && has_views && of_images {
+        if self.enough.is_some() && of_images {
             self.select_of_images([&image_a, &image_b], matches, seed);
         } else {
             self.of_views.select(a, b, matches, seed);
@@ -174,6 +173,27 @@ mod tests {
         let (matches, of_views) = matched(&pair, Some(150));
         assert!(of_views > OF_VIEWS / 2, "{of_views}");
         assert_eq!(matched(&pair, None).0, matches);
+    }
+
+    #[test]
+    fn features_without_views_are_selected_as_those_of_images() {
+        let nothing = AdalamParams {
+            min_inliers: 10_000,
+            ..AdalamParams::default()
+        };
+        let stage = ViewsOnDemand {
+            of_views: Adalam::new(nothing).expect("in range"),
+            ..on_demand(Some(150))
+        };
+        let images = pair(|i| i % 4 == 0).each_ref().map(features_of_image);
+        let mut matches = stage.search(&images[0], &images[1]);
+        let [a, b] = images.each_ref().map(|features| View {
+            features,
+            image: None,
+            camera: None,
+        });
+        stage.select(a, b, &mut matches, Seed(1));
+        assert!(!matches.is_empty());
     }
 
     #[test]

@@ -95,8 +95,8 @@ pub struct Extras {
     /// Whether bad models are rejected early by a sequential probability ratio test. It has no effect if the
     /// score is not a sum over the data. The data must be in random order.
     pub sprt: bool,
-    /// Number of models that differ which are kept beside the best, until one of all is chosen at the end by how far it
-    /// lets the data be [trusted](Problem::trust); with 1 none is.
+    /// Number of models that differ, with the best among them, which are kept until one is chosen at the end by how far it
+    /// lets the data be [trusted](Problem::trust); with 1 the best is the result.
     pub hypotheses: usize,
     /// Number of samples after which the search is given up if what it has found is
     /// [hopeless](Problem::is_hopeless); `None` for never.

@@ -19,7 +19,7 @@
 //! | --- | --- | --- | --- |
 //! | | `DRAWS` | 200 | ours: 99.9 % sure where a fifth of what is off the plane is right |
 //! | | `SQUARED_SLACK` | 4 | ours: a sample's homography is rough, so it may be off by twice the threshold |
-//! | | `REFINEMENTS` | 2 | ours: rounds in which the homography is fitted to its inliers |
+//! | | `REFINEMENTS` | 2 | ours: steps of Levenberg and Marquardt in which the homography is refined |
 
 use nalgebra::{Matrix3, Point2, Vector3};
 

@@ -29,8 +29,8 @@ pub struct EssentialProblem<'a> {
     pub pairs: &'a PointPairs,
     /// Whether scene points must lie in front of both cameras. Then a model is dropped unless the matches of its own
     /// sample [agree in orientation](crate::geometry::agree_in_orientation): under one of its poses, both depths of
-    /// each have the same sign. Matches with a negative depth under the best of the four poses count neither for the
-    /// quality of a model nor for the number of its inliers. They stay in the list
+    /// each have the same sign. Matches with a negative depth of less than 50 baselines under the best of the four poses
+    /// count neither for the quality of a model nor for the number of its inliers. They stay in the list
     /// [`Consensus::inliers`](super::Consensus::inliers).
     pub cheirality: bool,
     /// Whether the best pose is compared with the poses that a plane of its inliers allows.
@@ -161,7 +161,7 @@ impl Problem for EssentialProblem<'_> {
 }
 
 /// Sets the residuals of inliers behind a camera to infinity. The pose is the one with most inliers in front of
-/// both cameras. A point farther than [`FAR`] is not excluded, since noise can move it to the other side.
+/// both cameras. A point farther than [`UNCERTAIN_DEPTH`] is not excluded, since noise can move it to the other side.
 fn exclude_behind(
     model: &Matrix3<f64>,
     pairs: &PointPairs,
@@ -211,12 +211,12 @@ impl Seen {
 
     /// Whether match number `at` lies behind a camera, and not so far away that noise may have moved it there.
     fn is_behind(&self, at: usize) -> bool {
-        (self.depths.iter()).any(|depths| (-FAR..0.0).contains(&depths[at]))
+        (self.depths.iter()).any(|depths| (-UNCERTAIN_DEPTH..0.0).contains(&depths[at]))
     }
 }
 
 /// Depth, in baselines, beyond which noise can flip its sign.
-const FAR: f64 = 50.0;
+const UNCERTAIN_DEPTH: f64 = 50.0;
 
 #[cfg(test)]
 mod tests {

@@ -186,6 +186,9 @@ pub trait HomographyEstimator: Send + Sync {
     ///
     /// # Errors
     /// [`NoModel`] if the matches determine none, or if the time was too short to find one.
+    ///
+    /// # Panics
+    /// If the lists of the matches have different lengths.
     fn estimate_until(
         &self,
         points: &MatchedPoints,

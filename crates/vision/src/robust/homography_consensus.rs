@@ -126,13 +126,14 @@ impl HomographyEstimator for HomographyConsensus {
         seed: Seed,
         stop: &dyn Fn(usize) -> bool,
     ) -> Result<HomographyEstimate, NoModel> {
+        let pixels = points.in_pixels();
         let needed = HomographyProblem::SAMPLE;
         if points.len() < needed {
             let found = points.len();
             return Err(NoModel::TooFewMatches { found, needed });
         }
         let order = seed.child("order");
-        let matches = Shuffled::new(&points.in_pixels(), points, self.params.score, order);
+        let matches = Shuffled::new(&pixels, points, self.params.score, order);
         let problem = HomographyProblem {
             pairs: &matches.pairs,
             one_side: self.params.one_side,

@@ -5,7 +5,7 @@
 //! what else is known of the data may.
 //!
 //! 1. While samples are drawn, the models with the highest qualities are kept. Of two that are nearer to each other than
-//!    `APART` only the better is. A model is not kept if its quality is below `SHARE` of that of the best one.
+//!    `APART` only the better is. A model is not kept if its quality is below `SHARE` of that of the best one at the time.
 //! 2. At the end each gets a *trusted* quality, in which the share of each datum is multiplied by how far it is
 //!    [trusted](Problem::trust) under the very model. The model with the highest is refined as a new best model would be.
 //! 3. It replaces the best model of the search if its trusted quality is higher than that of the best.

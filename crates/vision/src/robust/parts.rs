@@ -137,7 +137,7 @@ pub enum Sampler {
         horizon: usize,
     },
     /// [`SpreadSampler`](crate::robust::SpreadSampler): draws from sparse parts of the image as often as from dense
-    /// ones.
+    /// ones, unless matches lie in very few parts.
     Spread {
         /// Cells across and down of the grid over image `a`; 1 to 1000.
         cells: u32,

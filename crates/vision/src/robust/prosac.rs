@@ -66,10 +66,13 @@ impl Prosac {
 
 impl Sampling for Prosac {
     /// # Panics
-    /// If `sample` is longer than there are data.
+    /// If `sample` is empty or longer than there are data.
     fn draw(&mut self, rng: &mut Rng, sample: &mut [u32]) {
         let m = sample.len();
-        assert!(m <= self.order.len(), "enough data for a sample");
+        assert!(
+            (1..=self.order.len()).contains(&m),
+            "enough data for a sample"
+        );
         if self.set == 0 {
             self.start(m);
         }

@@ -8,7 +8,7 @@
 //! | `geometry`, `max_depth` | a pose is estimated |
 //! | `cheirality`, `plane_poses`, `tangent_sampson` | `geometry` is `essential` |
 //! | `hypotheses` | `geometry` is `essential`, and `turns` is true |
-//! | `hopeless` | `geometry` is `essential`, `confidence` is below 1, and `min_iterations` below `max_iterations` |
+//! | `hopeless` | `geometry` is `essential`, `confidence` is below 1, and `max_iterations` above 1 and above `min_iterations` |
 //! | `degensac` | `geometry` is `fundamental` |
 //! | `threshold_px` | `score` is not `lmeds` |
 //! | `score_cells`, `turns` | `score` is `even-msac` or `even-marginal` |
@@ -175,7 +175,7 @@ fn acts_where(name: &str) -> &'static str {
         "cheirality" | "plane_poses" | "tangent_sampson" => "`geometry` is `essential`",
         "hypotheses" => "`geometry` is `essential`, and `turns` is true",
         "hopeless" => {
-            "`geometry` is `essential`, `confidence` is below 1, and `min_iterations` below `max_iterations`"
+            "`geometry` is `essential`, `confidence` is below 1, and `max_iterations` above 1 and above `min_iterations`"
         }
         "degensac" => "`geometry` is `fundamental`",
         "threshold_px" => "`score` is not `lmeds`",

@@ -3,7 +3,7 @@
 //! Rich matchers put tens of thousands of matches on textured surfaces, often one plane; uniform
 //! samples then lie on that plane, close together, and determine the pose badly. Here a cell of a
 //! grid over the points of view `a` is drawn first, then a match in it, and the cells of a sample are
-//! distinct while there are enough.
+//! distinct. Where fewer than twice as many cells are occupied as a sample has matches, samples are uniform.
 //!
 //! *Choice*: the termination is that of uniform sampling (see [`consensus`](super::consensus())). It holds if right matches
 //! are as frequent in every cell; where they crowd in few cells, fewer samples are free of wrong matches than it
@@ -18,7 +18,8 @@ use super::grid::{NOTHING_IS_FAR, cells_of};
 use crate::geometry::PointPairs;
 use crate::seed::Rng;
 
-/// A sampler that first draws occupied cells of a grid, then data in these cells.
+/// A sampler that first draws occupied cells of a grid, then data in these cells; of too few cells it draws data
+/// uniformly.
 #[derive(Clone, Debug)]
 pub struct SpreadSampler {
     /// Indices of the data, sorted by cell.

@@ -63,7 +63,8 @@ const BYTES_A_PIXEL_OF_OCTAVES: usize = 22;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct DspSiftParams {
-    /// The detector.
+    /// The detector. With `affine_shape` its `limit` is that of its keypoints: a place may get other directions, and more
+    /// of them, in its ellipse.
     pub sift: SiftParams,
     /// Least size of a domain, in sizes of the keypoint; 0.01 to 10.
     pub min_domain: f32,

@@ -51,7 +51,7 @@ mod neighbourhood;
 
 use nalgebra::Point2;
 
-use super::correspondence::retain_masked;
+use super::correspondence::{clearest_first, retain_masked};
 use super::mutual::keep_mutual;
 use super::{Correspondence, Correspondences, Selector, View};
 use crate::features::{Features, Keypoint};
@@ -70,7 +70,8 @@ pub struct AdalamParams {
     pub area_ratio: f64,
     /// Radius of a neighbourhood divided by that of this circle.
     pub expansion: f64,
-    /// Largest ratio of nearest and second nearest distance of a seed, itself excluded; sensible in `(0, 1]`.
+    /// Largest ratio of nearest and second nearest distance of a seed, itself excluded; sensible in `(0, 1]`. Unlike
+    /// [`RatioTest`](super::RatioTest), a match without a second nearest passes.
     pub seed_ratio: f32,
     /// Whether the features of a seed must be each other's nearest.
     pub mutual_seeds: bool,
@@ -167,9 +168,7 @@ impl Adalam {
     ) -> Vec<bool> {
         assert!(may_be_seed.is_none_or(|may| may.len() == matches.len()));
         let may_be_seed = |i: usize| may_be_seed.is_none_or(|may| may[i]);
-        // The clearest matches first; equally clear ones keep their order.
-        let mut order: Vec<usize> = (0..matches.len()).collect();
-        order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
+        let order = clearest_first(matches);
         let candidates: Vec<Candidate> = (order.iter())
             .map(|&i| Candidate::new(&a.keypoints, &b.keypoints, &matches[i]))
             .collect();

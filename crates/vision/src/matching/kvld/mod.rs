@@ -52,7 +52,7 @@ mod consistency;
 mod gradients;
 mod virtual_line;
 
-use super::correspondence::retain_masked;
+use super::correspondence::{clearest_first, retain_masked};
 use super::{Correspondences, Selector, View};
 use crate::params::ParamError;
 use crate::seed::Seed;
@@ -163,9 +163,7 @@ impl Selector for Kvld {
     /// # Panics
     /// If a view has no image.
     fn select(&self, a: View<'_>, b: View<'_>, matches: &mut Correspondences, _seed: Seed) {
-        // The clearest matches first; equally clear ones keep their order.
-        let mut order: Vec<usize> = (0..matches.len()).collect();
-        order.sort_by(|&i, &j| matches[i].ambiguity().total_cmp(&matches[j].ambiguity()));
+        let order = clearest_first(matches);
         let placed: Vec<Placed> = (order.iter())
             .map(|&i| Placed::new(a.features, b.features, &matches[i]))
             .collect();

@@ -43,8 +43,7 @@ impl Piece {
         let range = |at: f64, length: usize| {
             let first = (at - reach).floor().max(0.0);
             let last = ((at + reach).floor() + 1.0).min(length as f64 - 1.0);
-            // Not NaN either.
-            (first < last).then(|| first as usize..last as usize + 1)
+            (at.is_finite() && first < last).then(|| first as usize..last as usize + 1)
         };
         let (columns, rows) = (range(at.x, image.width())?, range(at.y, image.height())?);
         let (width, height) = (columns.len(), rows.len());

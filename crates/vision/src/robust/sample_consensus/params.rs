@@ -16,8 +16,8 @@ pub enum Geometry {
         /// Whether scene points must lie in front of both cameras while models are compared. Then a model is
         /// dropped if the matches of its own sample do not
         /// [agree in orientation](crate::geometry::agree_in_orientation): if under each of its poses the two depths
-        /// of some match differ in sign. And matches that the model puts behind a camera do not count for it in the
-        /// search; those within the threshold are still among the inliers of the result. Chum, Werner, Matas, ICPR
+        /// of some match differ in sign. And matches that the model puts behind a camera, by less than 50 baselines, do not
+        /// count for it in the search; those within the threshold are still among the inliers of the result. Chum, Werner, Matas, ICPR
         /// 2004. Default: yes.
         cheirality: bool,
         /// Whether, at the end, the best pose is compared with the two poses that a plane of its inliers
