@@ -45,8 +45,7 @@ pub(crate) struct ImportArgs {
     /// The dataset to be made; the folder's name becomes the dataset's name
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
-    /// Which images are matched with which [default: as in the paper for this kind, or the pairs that SRC
-    /// lists]
+    /// Which images are matched with which [default: that of the kind, see `matchbench list datasets`]
     #[arg(long, value_name = "RULE")]
     pub pairs: Option<String>,
     /// Which sequence, if SRC holds several (KITTI: 00 to 10; HPatches: i, v or a folder)

@@ -80,9 +80,9 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Write a run's poses in the format of the paper's authors, or its matches for other tools
     Export(ExportArgs),
-    /// Show what is available, with every parameter
+    /// Show what is available, with its parameters
     List(ListArgs),
-    /// Check a dataset; report every problem by file and line, and say how to correct it
+    /// Check a dataset; report problems by file and line, and say how to correct them
     Validate(ValidateArgs),
     /// Try out a matcher from outside; report in words what is wrong with it
     Check(CheckArgs),

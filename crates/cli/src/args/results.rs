@@ -207,7 +207,8 @@ pub(crate) struct CompareArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Matches are written to OUT/<matcher>/<dataset>, inliers to OUT/<matcher>+<estimator>/<dataset>, each
-readable again: matchbench run DATASET --matches NAME=OUT/<matcher> --out RUN.
+readable again: matchbench run DATASET --matches NAME=OUT/<matcher> --out RUN. If the format is
+npz, this also needs --pixel-center 0.
 
 Examples:
   matchbench export runs/first poses

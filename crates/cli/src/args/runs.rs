@@ -89,8 +89,9 @@ pub(crate) struct RunArgs {
 /// Options that the records of a run depend on, besides its datasets and matchers.
 #[derive(Debug, Args)]
 pub(crate) struct ChoiceArgs {
-    /// Estimators of poses or homographies, separated by commas [default: the one that belongs to each matcher; best
-    /// for matches from files; best-h on datasets of homographies]
+    /// Estimators of poses or homographies, separated by commas. Datasets that have only homographies need a run
+    /// of their own [default: the one that belongs to each matcher; best for matches from files; best-h if no
+    /// dataset has true poses]
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub estimator: Vec<String>,
     /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets
@@ -398,7 +399,7 @@ Examples:
   matchbench show office 0 7 --matcher sift --out pair.png
   matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg
   matchbench show boat 0 3 --matcher sift --estimator best-h --out pair.png
-  matchbench show office 0 7 --matches lightglue=hloc/matches.h5 --out pair.png")]
+  matchbench show office 0 7 --matches lightglue=hloc --out pair.png")]
 pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]

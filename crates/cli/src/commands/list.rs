@@ -1,4 +1,4 @@
-//! `matchbench list`: prints what is available, with every parameter.
+//! `matchbench list`: prints what is available, with its parameters.
 
 use std::io::{self, Write};
 

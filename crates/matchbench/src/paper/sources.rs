@@ -17,7 +17,8 @@ pub struct Download {
     pub how: &'static str,
 }
 
-const TUM: &str = "unpack the archive in DATA; only rgb.txt, groundtruth.txt and rgb/ are used";
+const TUM: &str = "unpack the archive in DATA; rgb.txt, groundtruth.txt and rgb/ are used, and depth.txt and depth/ \
+     if they are there";
 const IMAGES: &str = "https://cvg.cit.tum.de/rgbd/dataset/freiburg3/";
 
 /// Everything to download.

@@ -107,7 +107,7 @@ pub(super) fn camera(k: &[f64]) -> Result<Camera, String> {
 
 /// The note that is written if [`stand_in`] was used.
 pub(super) const STAND_IN: &str = "the cameras are not known: a focal length of 1.2 times the longer side \
-     stands in dataset.toml, with the principal point in the middle";
+     stands in for each, with the principal point in the middle";
 
 /// A camera for an image of which only the size is known. Its focal length is COLMAP's first guess, 1.2 times
 /// the longer side.
