@@ -325,7 +325,10 @@ fn a_report_keeps_a_page_that_is_not_its_own_and_goes_to_standard_output() {
     let site = folder.path().join("site");
     fs::create_dir(&site).expect("writable");
     fs::write(site.join("index.html"), "<p>mine</p>").expect("writable");
-    refused(&go(&["report", "--out"], &[&site, &run]), "is no report");
+    refused(
+        &go(&["report", "--out"], &[&site, &run]),
+        "is not of an earlier report",
+    );
     let page = fs::read_to_string(site.join("index.html")).expect("readable");
     assert_eq!(page, "<p>mine</p>");
     let out = folder.path().join("out");

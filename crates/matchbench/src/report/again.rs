@@ -6,6 +6,7 @@ use super::content::Content;
 use super::dataset_facts::DatasetFacts;
 use super::file_names::file_names;
 use crate::counted::counted;
+use crate::datasets::RENDERED;
 use crate::datasets::rendered::{REVISION, Scene, scenes};
 use crate::metrics::method;
 use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan};
@@ -314,9 +315,6 @@ fn missing(datasets: &[DatasetAgain], why: &str) -> Vec<String> {
     }
     missing
 }
-
-/// The kind of imported data that are built-in scenes.
-const RENDERED: &str = "rendered";
 
 /// The built-in scene that a dataset without an import is, all frames of it in their size.
 fn rendered(facts: &DatasetFacts) -> Option<&'static Scene> {

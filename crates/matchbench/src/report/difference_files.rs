@@ -12,9 +12,9 @@ use super::PairView;
 use super::csv::{self, Cell};
 use super::difference::{Duel, Twin, twins, won};
 use super::file_names::file_names;
-use super::folder::Pages;
 use super::html::{Chapter, Shown, difference_page};
 use super::of_run::{ReportError, Reported, sequences};
+use super::pages::Pages;
 use super::pair_words::outcome;
 use super::pictures::{Keypoints, Thumbnails, thumbnails, views_of};
 

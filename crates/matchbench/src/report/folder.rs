@@ -3,17 +3,13 @@
 //! `cite/method.{md,tex}` with `cite/cite.bib`, and `cite/commands.sh`, which computes the results again.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io;
-use std::path::{Component, Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{
-    link_on_the_way, read_text, refuse_link, refuse_links, remove_leftovers_below, write_whole_file,
-};
+use crate::files::refuse_link;
 use crate::metrics::{Angle, Model, Portion};
 
 use super::again::Again;
@@ -26,10 +22,9 @@ use super::figures::{
 use super::file_names::{file_names, unique};
 use super::numbers::bracketed;
 use super::overview::Overview;
+use super::pages::{FIGURES, Pages};
 use super::pair_table::columns;
-use super::raster::png;
 use super::svg::Target;
-use super::target::check_target;
 use super::{
     Format, booktabs, citations, dataset_table, html, latex, method, pairs_csv, parquet,
     protocol_table, render, render_protocols, vega,
@@ -125,136 +120,6 @@ pub fn write_inner_report(folder: &Path, content: &Content) -> io::Result<PathBu
     write_report(folder, content)
 }
 
-/// The folder of the figures.
-const FIGURES: &str = "figures";
-/// Pixels of a PNG figure for each unit of its drawing: sharp on dense screens and in print.
-const PNG_SCALE: f32 = 2.0;
-
-/// The list of the files of a report, kept in its folder. A later report removes the listed files that it does
-/// not have.
-const LIST: &str = ".files";
-
-/// What every page of a report says.
-const OF_REPORT: &str = "matchbench";
-/// What every page of the paper says, and no other.
-const OF_PAPER: &str = "MatchBench: tables and figures, run again";
-
-/// Writes the files of a report.
-pub(super) struct Pages<'a> {
-    folder: &'a Path,
-    written: Mutex<BTreeSet<String>>,
-}
-
-impl<'a> Pages<'a> {
-    /// Refuses a folder whose page is not a report, since that page would be overwritten, or one that belongs to a run
-    /// or a dataset.
-    pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
-        let page = folder.join("index.html");
-        check_target(&page)?;
-        let is_other = |page: String| !page.contains(OF_REPORT) && !page.contains(OF_PAPER);
-        if !folder.join(LIST).exists() && read_text(&page).is_ok_and(is_other) {
-            return Err(io::Error::new(
-                io::ErrorKind::AlreadyExists,
-                format!("{} is no report; write into another folder", page.display()),
-            ));
-        }
-        remove_leftovers_below(folder, 2);
-        Ok(Self {
-            folder,
-            written: Mutex::default(),
-        })
-    }
-
-    /// Refuses the folder if one of the files of a paper that will be written there is somebody else's: no earlier
-    /// paper listed it. In a folder without a list all are taken for ours if its page is that of a paper, since early
-    /// versions wrote no list.
-    pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
-        let (list, page) = (self.folder.join(LIST), self.folder.join("index.html"));
-        if !list.exists() && read_text(&page).is_ok_and(|page| page.contains(OF_PAPER)) {
-            return Ok(());
-        }
-        let earlier = read_text(&list).unwrap_or_default();
-        let is_other = |name: &&&str| {
-            !earlier.lines().any(|own| own == **name) && self.folder.join(name).exists()
-        };
-        match names.iter().find(is_other) {
-            Some(name) => Err(io::Error::new(
-                io::ErrorKind::AlreadyExists,
-                format!(
-                    "{} is not of an earlier report; write into another folder",
-                    self.folder.join(name).display()
-                ),
-            )),
-            None => Ok(()),
-        }
-    }
-
-    /// The same, and lists these files before they are written, so that they are known as ours even if the report
-    /// is interrupted.
-    pub(super) fn claim(&self, names: &[&str]) -> io::Result<()> {
-        self.refuse_others(names)?;
-        let earlier = read_text(&self.folder.join(LIST)).unwrap_or_default();
-        let all: BTreeSet<&str> = earlier.lines().chain(names.iter().copied()).collect();
-        write_list(self.folder, all)
-    }
-
-    /// Writes one file; its name is relative to the folder.
-    pub(super) fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
-        write_own(self.folder, name, contents)?;
-        let name = name.to_string_lossy().replace('\\', "/");
-        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        written.insert(name);
-        Ok(())
-    }
-
-    /// Writes the figure `name` as the drawing that it is, and as PNG. Where that cannot be made, a note is in its
-    /// place, and is returned.
-    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Option<String>> {
-        let file = |ending: &str| PathBuf::from(format!("{FIGURES}/{name}.{ending}"));
-        self.write(&file("svg"), svg.as_bytes())?;
-        match png(svg, PNG_SCALE) {
-            Ok(bytes) => self.write(&file("png"), &bytes).map(|()| None),
-            Err(broken) => {
-                let note = format!("{name}.svg cannot be drawn as PNG: {broken}");
-                self.write(&file("png.txt"), format!("{note}\n").as_bytes())?;
-                Ok(Some(note))
-            }
-        }
-    }
-
-    /// Removes the files of the earlier report that this one does not have, such as pages of pairs that are not
-    /// shown any more. Files that no report listed belong to somebody else, and stay.
-    pub(super) fn remove_earlier(self) -> io::Result<()> {
-        let written = self
-            .written
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner);
-        let list = self.folder.join(LIST);
-        for name in read_text(&list).unwrap_or_default().lines() {
-            let path = Path::new(name);
-            let is_below = (path.components()).all(|part| matches!(part, Component::Normal(_)));
-            if is_below && !written.contains(name) && link_on_the_way(self.folder, path).is_none() {
-                // It may have been removed by hand.
-                let _ = fs::remove_file(self.folder.join(path));
-            }
-        }
-        write_list(self.folder, written.iter().map(String::as_str))
-    }
-}
-
-fn write_list<'n>(folder: &Path, names: impl IntoIterator<Item = &'n str>) -> io::Result<()> {
-    let names: Vec<&str> = names.into_iter().collect();
-    let listed = names.join("\n") + "\n";
-    write_own(folder, Path::new(LIST), listed.as_bytes())
-}
-
-/// Writes a file of a report. Folders of reports can come from other people, so a file that a link in such a
-/// folder leads to must not be overwritten.
-fn write_own(folder: &Path, name: &Path, contents: &[u8]) -> io::Result<()> {
-    refuse_links(folder, name)?;
-    write_whole_file(&folder.join(name), contents)
-}
-
 /// A figure: its name, its drawing and its specification.
 type Figure = (String, String, Value);
 
@@ -335,6 +200,8 @@ fn figures(content: &Content, overview: &Overview<'_>) -> Vec<Figure> {
 #[cfg(test)]
 mod tests {
     use super::super::tests::content;
+    use std::fs;
+
     use super::*;
 
     #[test]
@@ -420,6 +287,6 @@ mod tests {
         let file = folder.path().join("file");
         fs::write(&file, "").expect("it is ours");
         let error = write_report(&file, &Content::default()).expect_err("a file is there");
-        assert!(error.to_string().contains("scores.csv"), "{error}");
+        assert!(error.to_string().contains("file"), "{error}");
     }
 }

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::csv::{self, Cell};
-use super::folder::Pages;
 use super::html::leaderboard_page;
 use super::leaderboard::{Group, Leaderboard, Refused, Row, Source};
+use super::pages::Pages;
 
 /// Writes the page and its tables, and returns the path of the page. Files of an earlier leaderboard are
 /// replaced, each in one step; other files stay.

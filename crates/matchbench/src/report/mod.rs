@@ -33,6 +33,7 @@ mod of_results;
 mod of_run;
 mod outside;
 mod overview;
+mod pages;
 mod pair_homography;
 mod pair_table;
 mod pair_view;

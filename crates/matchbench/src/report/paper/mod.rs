@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use self::figures::PaperFigure;
 use super::csv::field;
-use super::folder::Pages;
+use super::pages::{Pages, check_folder};
 use super::{Content, MatcherTimes};
 use crate::records::MatcherPlan;
 
@@ -135,7 +135,7 @@ const FILES: [&str; 17] = [
 /// # Errors
 /// The error names such a file.
 pub fn check_paper_folder(folder: &Path) -> io::Result<()> {
-    Pages::new(folder)?.refuse_others(&FILES)
+    check_folder(folder, &FILES)
 }
 
 /// Writes tables, figures, page and document into `folder`, and returns the path of the page, and what is missing and
@@ -159,8 +159,8 @@ fn write_figures(
     times: &PaperTimes,
     figures: &[PaperFigure],
 ) -> io::Result<(PathBuf, Vec<String>)> {
+    check_paper_folder(folder)?;
     let out = Pages::new(folder)?;
-    out.claim(&FILES)?;
     let write = |name: &str, contents: &[u8]| out.write(Path::new(name), contents);
     let sheets = [
         tables::datasets(content),
@@ -408,7 +408,10 @@ mod tests {
         assert!(check_paper_folder(folder.path()).is_ok() && at("figures/figure2.svg").is_file());
         // Every name is known before it is written.
         let listed = std::fs::read_to_string(at(".files")).expect("a list");
-        assert!(listed.lines().all(|name| FILES.contains(&name)), "{listed}");
+        assert!(
+            listed.lines().skip(1).all(|name| FILES.contains(&name)),
+            "{listed}"
+        );
         // Nor is a report a paper, in a folder of an earlier version, which kept no list.
         let report = tempfile::tempdir().expect("a temporary folder");
         let theirs = report.path().join("paper.tex");
