@@ -292,4 +292,22 @@ fn runs_of_several_matchers_are_joined_and_go_on_as_one() {
     }
     let (_, said) = go(&["join", "sift", "--out", "alone"]);
     assert!(said.contains("2 values required"), "{said}");
+
+    // Failed tasks of one run do not take the place of the results of another, though these are fewer.
+    let lost = fs::read(wall.join("Images/0001.pgm")).expect("it is there");
+    fs::write(wall.join("Images/0001.pgm"), &lost[..lost.len() / 2]).expect("writable");
+    let (_, said) = go(&["run", "wall", "--matchers", "orb", "--out", "broken"]);
+    assert!(said.contains("failed"), "{said}");
+    fs::write(wall.join("Images/0001.pgm"), lost).expect("writable");
+    let records = folder.path().join("orb/records/wall/orb+ransac-e.jsonl");
+    let text = fs::read_to_string(&records).expect("readable");
+    let fewer: Vec<&str> = text.lines().take(5).collect();
+    fs::write(&records, fewer.join("\n") + "\n").expect("writable");
+    let (code, said) = go(&["join", "broken", "orb", "--out", "mixed"]);
+    assert_eq!(code, Some(0), "{said}");
+    let mixed = folder.path().join("mixed/records/wall/orb+ransac-e.jsonl");
+    assert_eq!(
+        fs::read_to_string(mixed).expect("readable"),
+        fewer.join("\n") + "\n"
+    );
 }

@@ -176,7 +176,7 @@ fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, Jo
                         continue;
                     }
                     let count = records(folder, [&dataset.name, &matcher.id, &estimator.id])?;
-                    if count > 0 {
+                    if count.all > 0 {
                         found.insert((&*estimator.id, place), count);
                     }
                 }
@@ -219,11 +219,14 @@ fn only(
     folders: &[RunFolder],
     dataset: &str,
     matcher: &MatcherPlan,
-    found: &BTreeMap<(&str, usize), u64>,
+    found: &BTreeMap<(&str, usize), Count>,
 ) -> Result<usize, JoinError> {
     let all = |place: usize| {
         let here = found.iter().filter(|((_, other), _)| *other == place);
-        here.map(|(_, count)| count).sum::<u64>()
+        here.fold(Count::default(), |sum, (_, count)| Count {
+            results: sum.results + count.results,
+            all: sum.all + count.all,
+        })
     };
     let place = (0..folders.len()).rev().max_by_key(|&place| all(place));
     let place = place.unwrap_or_default();
@@ -273,10 +276,20 @@ impl<'p> Planned<'p> {
     }
 }
 
-/// The number of records of these names, a dataset, a matcher and an estimator.
-fn records(folder: &RunFolder, names: [&str; 3]) -> Result<u64, StoreError> {
-    let mut count = 0;
-    folder.for_each_of(names, |_| count += 1)?;
+/// The records of a dataset, a matcher and an estimator. Failed tasks may be done again, so they count less than results.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Count {
+    results: u64,
+    all: u64,
+}
+
+/// The number of records of these names.
+fn records(folder: &RunFolder, names: [&str; 3]) -> Result<Count, StoreError> {
+    let mut count = Count::default();
+    folder.for_each_of(names, |record| {
+        count.results += u64::from(!record.outcome.has_failed());
+        count.all += 1;
+    })?;
     Ok(count)
 }
 

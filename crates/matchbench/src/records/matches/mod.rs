@@ -192,9 +192,7 @@ impl MatchesFile {
                 .and_then(|_| file.read_exact(&mut header))
                 .map_err(StoreError::io("read", &self.path))?;
             let [a, b, repetition, .., count] = numbers(&header);
-            // No entry that was torn, for nobody writes so many.
-            let matches = matches_of(count).0;
-            if matches > MAX_MATCHES {
+            if let Some(matches) = too_many(&header) {
                 return Err(self.damaged(&format!("an entry says that it has {matches} matches")));
             }
             let bytes = entry_length(count) as u64;
@@ -346,6 +344,13 @@ fn entry_length(count: u32) -> usize {
     let (matches, columns) = matches_of(count);
     let columns = columns.into_iter().filter(|&is_there| is_there).count();
     HEADER + matches * (MATCH + columns * COLUMN) + CHECKSUM
+}
+
+/// The number of matches that an entry with this header has, if they are too many. It is no entry that was torn, for
+/// nobody writes so many.
+pub(super) fn too_many(header: &[u8; HEADER]) -> Option<usize> {
+    let [.., count] = numbers(header);
+    Some(matches_of(count).0).filter(|&matches| matches > MAX_MATCHES)
 }
 
 /// Whose matches an entry with this header has, and the length of the entry in bytes.

@@ -10,7 +10,9 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
 use super::super::StoreError;
-use super::super::matches::{CHECKSUM, HEADER, MAGIC, MatchesKey, is_sound, key_and_length};
+use super::super::matches::{
+    CHECKSUM, HEADER, MAGIC, MatchesKey, is_sound, key_and_length, too_many,
+};
 use super::record_file::open_at;
 
 /// One file of matches and how far it was read. It can be closed in between.
@@ -127,6 +129,12 @@ impl EntryFile {
         self.stand_at(start)?;
         let mut header = [0; HEADER];
         self.read(&mut header)?;
+        if let Some(matches) = too_many(&header) {
+            return Err(StoreError::Matches {
+                path: self.path.clone(),
+                reason: format!("an entry says that it has {matches} matches"),
+            });
+        }
         let (key, bytes) = key_and_length(&header);
         Ok((start + bytes as u64 <= length).then_some((key, header)))
     }
@@ -177,5 +185,29 @@ impl EntryFile {
         (reader.read_exact(bytes)).map_err(StoreError::io("read", &self.path))?;
         self.at += bytes.len() as u64;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_entry_that_claims_too_many_matches_is_refused_before_memory_is_taken() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("orb.bin");
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([0; HEADER - 4]);
+        bytes.extend(1_000_000_000_u32.to_le_bytes());
+        std::fs::write(&path, bytes).expect("writable");
+        let file = File::options()
+            .write(true)
+            .open(&path)
+            .expect("it is there");
+        // Nothing but a hole.
+        file.set_len(1 << 40).expect("a sparse file");
+        let error = EntryFile::new(path).take((0, 1, 0), true);
+        let said = error.expect_err("nobody writes so many").to_string();
+        assert!(said.contains("1000000000 matches"), "{said}");
     }
 }
