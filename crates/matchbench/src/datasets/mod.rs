@@ -48,6 +48,7 @@ pub use depth::{Depth, DepthFile, DepthUnit};
 pub use error::DatasetError;
 pub use exporters::{EXPORTS, Export, export};
 pub use fingerprint::Whole;
+pub(crate) use importers::RENDERED;
 pub use importers::{
     ImportOption, ImportOptions, ImportReport, Imported, KINDS, Kind, import, import_once,
     read_source, reference,

@@ -342,6 +342,13 @@ fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> V
         .filter_map(|camera| Some(camera.check().err()?.to_string()))
         .collect();
     wrong.dedup();
+    let is_used =
+        manifest.frames.is_empty() || (manifest.frames.iter()).any(|f| f.camera.is_none());
+    if manifest.distortion.is_some() && !is_used {
+        wrong.push(
+            "`distortion` is that of the camera in camera.txt, which no frame has; give each camera its own".to_owned(),
+        );
+    }
     match manifest.depth {
         Some(unit) => wrong.extend(unit.check().err()),
         None if manifest.frames.iter().any(|frame| frame.depth.is_some()) => wrong.push(
@@ -491,6 +498,22 @@ mod tests {
                 .k1,
             0.1
         );
+        let own = "image = \"$1\"\ncamera = { fx = 1, fy = 1, cx = 2, cy = 3 }\n";
+        let manifest = [
+            "Images/0000.png",
+            "Images/0001.png",
+            "Images/0002.png",
+            "last.png",
+        ]
+        .map(|image| format!("[[frames]]\n{}", own.replace("$1", image)));
+        let lens = "version = 1\ndistortion = { k1 = 0.1, k2 = 0, p1 = 0, p2 = 0, k3 = 0 }\n";
+        fs::write(
+            dir.join("dataset.toml"),
+            lens.to_owned() + &manifest.concat(),
+        )
+        .unwrap();
+        let error = Sequence::open(&dir).unwrap_err().to_string();
+        assert!(error.contains("which no frame has"), "{error}");
     }
 
     #[test]

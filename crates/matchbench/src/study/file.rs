@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::error::CORRECT;
 use super::{Study, StudyError};
 use crate::config::with_suggestion;
-use crate::datasets::PairRule;
+use crate::datasets::{PairRule, RENDERED};
 use crate::external::Manifest;
 use crate::files::read_text;
 
@@ -83,7 +83,9 @@ impl Study {
             place(&mut dataset.path);
             dataset.matchers.iter_mut().for_each(place_manifests);
             if let Some(import) = &mut dataset.import {
-                place(&mut import.source);
+                if import.kind != RENDERED {
+                    place(&mut import.source);
+                }
                 place_some(&mut import.camera);
                 place_some(&mut import.poses);
                 place_some(&mut import.image_root);
@@ -217,7 +219,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("study.toml");
         let text = "out = 'run'\nmatchers = ['sift', 'mine.toml']\ntuned = ['/t.json']\n\
-            [[dataset]]\npath = 'set'\nimport = { kind = 'folder', source = 'photos', pairs = 'list:p' }\n";
+            [[dataset]]\npath = 'set'\nimport = { kind = 'folder', source = 'photos', pairs = 'list:p' }\n\
+            [[dataset]]\npath = 'wall'\nimport = { kind = 'rendered', source = 'mural' }\n";
         std::fs::write(&file, text).unwrap();
         let study = Study::read(&file).unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -227,6 +230,9 @@ mod tests {
         let import = study.datasets[0].import.as_ref().unwrap();
         assert_eq!(import.source, at("photos"));
         assert_eq!(import.pairs, Some(PairRule::List { file: at("p") }));
+        // The name of a built-in scene is no path.
+        let built_in = study.datasets[1].import.as_ref().unwrap();
+        assert_eq!(built_in.source, Path::new("mural"));
         let absent = Study::read(&at("absent.toml")).unwrap_err().to_string();
         assert!(absent.contains("absent.toml"), "{absent}");
     }

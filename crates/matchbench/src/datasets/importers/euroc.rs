@@ -106,10 +106,11 @@ fn trajectory(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
 /// The camera, and the transformation from its coordinates to those of the body.
 fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> {
     let fail = |what: String| file.error(what, "give the sensor.yaml of a camera of EuRoC");
-    let pose: [f64; 16] = bracketed(file.text(), "T_BS:").map_err(fail)?;
-    let [fx, fy, cx, cy] = bracketed(file.text(), "intrinsics:").map_err(fail)?;
-    let [k1, k2, p1, p2] = bracketed(file.text(), "distortion_coefficients:").map_err(fail)?;
-    if let Some(model) = value_of(file.text(), "camera_model:")
+    let text = &without_comments(file.text());
+    let pose: [f64; 16] = bracketed(text, "T_BS:").map_err(fail)?;
+    let [fx, fy, cx, cy] = bracketed(text, "intrinsics:").map_err(fail)?;
+    let [k1, k2, p1, p2] = bracketed(text, "distortion_coefficients:").map_err(fail)?;
+    if let Some(model) = value_of(text, "camera_model:")
         && model != "pinhole"
     {
         let model = text::brief(model);
@@ -117,7 +118,8 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
             "the camera_model is {model}, and not pinhole"
         )));
     }
-    if !file.text().contains("radial-tangential") && !file.text().contains("radtan") {
+    let lens = value_of(text, "distortion_model:").unwrap_or_default();
+    if !["radial-tangential", "radtan"].contains(&lens.trim_matches(['"', '\''])) {
         return Err(fail(
             "the distortion_model is not radial-tangential".to_owned(),
         ));
@@ -141,10 +143,11 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
 fn resolution_of(file: &TextFile) -> Result<Option<Size>, DatasetError> {
     const KEY: &str = "resolution:";
     let fail = |what: String| file.error(what, "give the sensor.yaml of a camera of EuRoC");
-    if value_of(file.text(), KEY).is_none() {
+    let text = &without_comments(file.text());
+    if value_of(text, KEY).is_none() {
         return Ok(None);
     }
-    let sides: [f64; 2] = bracketed(file.text(), KEY).map_err(fail)?;
+    let sides: [f64; 2] = bracketed(text, KEY).map_err(fail)?;
     if sides
         .iter()
         .any(|side| !(1.0..=1e6).contains(side) || side.fract() != 0.0)
@@ -155,24 +158,37 @@ fn resolution_of(file: &TextFile) -> Result<Option<Size>, DatasetError> {
     Ok(Some(Size::new(width, height)))
 }
 
-/// What stands behind `key` at the beginning of a line, without a comment.
+/// The text with each line as far as it is no comment.
+fn without_comments(text: &str) -> String {
+    let lines = text.lines();
+    lines
+        .flat_map(|line| [line.split('#').next().unwrap_or_default(), "\n"])
+        .collect()
+}
+
+/// What stands behind `key` at the beginning of a line.
 fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
     let value = text
         .lines()
         .find_map(|line| line.trim_start().strip_prefix(key))?;
-    Some(value.split('#').next().unwrap_or_default().trim())
+    Some(value.trim())
 }
 
-/// The `N` numbers in the first square brackets after `key`, which is there once.
+/// The `N` numbers in the first square brackets after `key`, which begins one line.
 fn bracketed<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
-    let lines = text
-        .lines()
-        .filter(|line| line.trim_start().starts_with(key));
-    if lines.count() > 1 {
+    let is_first = |before: &str| {
+        before
+            .rsplit('\n')
+            .next()
+            .is_some_and(|b| b.trim().is_empty())
+    };
+    let mut places = (text.match_indices(key)).filter(|&(at, _)| is_first(&text[..at]));
+    let place = places.next();
+    if places.next().is_some() {
         return Err(format!("`{key}` is there twice"));
     }
-    let inside = (text.split_once(key))
-        .and_then(|(_, rest)| rest.split_once('['))
+    let inside = place
+        .and_then(|(at, _)| text[at + key.len()..].split_once('['))
         .and_then(|(_, rest)| rest.split_once(']'));
     let (inside, _) = inside.ok_or_else(|| format!("there is no `{key} [...]`"))?;
     text::exactly(&inside.replace(',', " ")).map_err(|what| format!("{key} {what}"))
@@ -260,6 +276,11 @@ mod tests {
                 "cam0 is for 48x34 pixels, its image has 24x17",
             ),
             ("[24, 17]", "[24, 0.5]", "is no width and height"),
+            (
+                "radial-tangential",
+                "equidistant # not radial-tangential",
+                "the distortion_model is not radial-tangential",
+            ),
             (
                 "intrinsics: ",
                 "intrinsics: [1, 1, 1, 1]\nintrinsics: ",

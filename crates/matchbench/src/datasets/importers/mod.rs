@@ -38,6 +38,7 @@ use matchbench_vision::geometry::Camera;
 pub use once::import_once;
 pub use options::{ImportOption, ImportOptions};
 pub use references::reference;
+pub(crate) use rendered::RENDERED;
 
 use super::images::{image_files, unread_image_files};
 use super::listed::is_there;
@@ -201,7 +202,7 @@ pub const KINDS: &[Kind] = &[
         read: evd::read,
     },
     Kind {
-        id: rendered::ID,
+        id: rendered::RENDERED,
         help: "a built-in scene by its name, whose images are rendered into the dataset",
         default_pairs: None,
         options: &[],
@@ -440,7 +441,7 @@ fn find(id: &str) -> Result<&'static Kind, DatasetError> {
 
 fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     options.check(kind)?;
-    if kind.id != rendered::ID && !src.exists() {
+    if kind.id != rendered::RENDERED && !src.exists() {
         return Err(DatasetError::new(
             src,
             "no such file or folder",

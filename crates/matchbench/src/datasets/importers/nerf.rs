@@ -207,10 +207,16 @@ impl Intrinsics {
     /// The same, with what is missing from `shared`.
     fn or(self, shared: &Self) -> Self {
         // A focal length of a frame replaces the angle of all, and an angle the focal length.
-        let has_focal = self.fl_x.is_some() || self.camera_angle_x.is_some();
-        let focal = if has_focal { &self } else { shared };
-        let (fl_x, fl_y) = (focal.fl_x, focal.fl_y);
-        let (camera_angle_x, camera_angle_y) = (focal.camera_angle_x, focal.camera_angle_y);
+        let has_own_x = self.fl_x.is_some() || self.camera_angle_x.is_some();
+        let has_own_y = self.fl_y.is_some() || self.camera_angle_y.is_some();
+        let across = if has_own_x { &self } else { shared };
+        let down = if has_own_x || has_own_y {
+            &self
+        } else {
+            shared
+        };
+        let (fl_x, camera_angle_x) = (across.fl_x, across.camera_angle_x);
+        let (fl_y, camera_angle_y) = (down.fl_y, down.camera_angle_y);
         Self {
             camera_angle_x,
             camera_angle_y,
@@ -396,7 +402,8 @@ mod tests {
                 {{"file_path": "images/a.png", "transform_matrix": {POSE}}},
                 {{"file_path": "images/b.png", "transform_matrix": {POSE}, "camera_model": "OPENCV_FISHEYE", "p2": 0,
                   "fl_x": 30, "cx": 13, "k1": 0.5, "k4": 0.75}},
-                {{"file_path": "images/c", "transform_matrix": {POSE}, "camera_angle_x": 1.5707963267948966, "k1": 0, "p2": 0.0}}]}}"#
+                {{"file_path": "images/c", "transform_matrix": {POSE}, "camera_angle_x": 1.5707963267948966, "k1": 0, "p2": 0.0}},
+                {{"file_path": "images/d.png", "transform_matrix": {POSE}, "fl_y": 23}}]}}"#
         );
         let (_folder, src) = source("room", &[("transforms.json", &*text), ("images/a.png", "")]);
         let found = read(&src).unwrap();
@@ -419,6 +426,7 @@ mod tests {
         );
         assert!((cameras[2].fx - 12.0).abs() < 1e-12 && cameras[2].distortion.is_none());
         assert_eq!(found.frames[2].image, src.join("images/c.png"));
+        assert_eq!((cameras[3].fx, cameras[3].fy), (20.0, 23.0));
         let larger = text.replace("\"w\": 24", "\"w\": 48");
         fs::write(src.join("transforms.json"), larger).unwrap();
         let error = read(&src).unwrap_err().to_string();

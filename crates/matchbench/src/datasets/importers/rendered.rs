@@ -7,7 +7,7 @@ use crate::datasets::rendered::{REVISION, Scene, World, scenes, sequence};
 use crate::datasets::{About, DatasetError, ImageStorage, Sequence, write_native};
 
 /// Id of the kind. Its sources are names, not files.
-pub(super) const ID: &str = "rendered";
+pub(crate) const RENDERED: &str = "rendered";
 
 /// The frames and pairs of the scene called `src`.
 pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
@@ -29,7 +29,7 @@ pub(super) fn read(src: &Path, _: &ImportOptions<'_>) -> Result<Imported, Datase
 
 /// The scene that an import of this kind from `src` makes, if it makes one.
 pub(super) fn scene(kind: &Kind, src: &Path) -> Option<&'static Scene> {
-    called(src).filter(|_| kind.id == ID)
+    called(src).filter(|_| kind.id == RENDERED)
 }
 
 /// Renders the images into the new dataset `out`.
@@ -80,18 +80,23 @@ mod tests {
             ..ImportOptions::default()
         };
         let name = Path::new(scene.name);
-        assert!(import(ID, name, &out, &copied).is_err());
-        import(ID, name, &out, &options).unwrap();
+        assert!(import(RENDERED, name, &out, &copied).is_err());
+        import(RENDERED, name, &out, &options).unwrap();
         let (imported, whole) = (Sequence::open(&out).unwrap(), sequence(scene));
         assert_eq!(imported.frames.len(), scene.frames as usize);
         assert_eq!(imported.pairs.len(), whole.pairs.len());
         assert!(imported.frames.iter().all(|frame| frame.image.is_file()));
-        let again = import_once(ID, name, &out, &options);
+        let again = import_once(RENDERED, name, &out, &options);
         assert_eq!(again.unwrap(), None, "it is there already");
         let about = crate::datasets::describe(&out).unwrap();
-        assert_eq!(about.import, [ID, scene.name]);
+        assert_eq!(about.import, [RENDERED, scene.name]);
         assert!(about.notes.is_empty(), "{:?}", about.notes);
-        let unknown = import(ID, Path::new("nowhere"), &folder.path().join("x"), &options);
+        let unknown = import(
+            RENDERED,
+            Path::new("nowhere"),
+            &folder.path().join("x"),
+            &options,
+        );
         assert!(unknown.unwrap_err().remedy.contains(scene.name));
     }
 }

@@ -134,7 +134,8 @@ pub(super) fn pose(file: &TextFile) -> Result<Option<Isometry3<f64>>, DatasetErr
         let word = word.to_lowercase();
         word.contains("nan") || word.contains("inf") || word.contains('#')
     };
-    if file.text().split_whitespace().any(is_lost) {
+    let mut words = file.rows().flat_map(|(_, row)| row.split_whitespace());
+    if words.any(is_lost) {
         return Ok(None);
     }
     let wrong = |what: String| file.error(what, "expected a 4x4 camera-to-world matrix");
@@ -166,6 +167,7 @@ mod tests {
         assert_eq!(found.translation.vector.as_slice(), [5.0, 6.0, 7.0]);
         assert_eq!(read(&eye.replace('5', "-1.#IND")), Ok(None));
         assert_eq!(read(&eye.replace('5', "NaN")), Ok(None));
+        assert_eq!(read(&format!("# camera to world\n{eye}")), Ok(Some(found)));
         assert!(read("1 2 3").is_err());
         assert!(read(&eye.replace("0 0 0 1", "0 0 0 2")).is_err());
     }
