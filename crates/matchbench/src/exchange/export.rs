@@ -185,6 +185,28 @@ impl<'a> Export<'a> {
         self
     }
 
+    /// [`Self::image_names`], where a file tells images apart by what it has `written` for each.
+    ///
+    /// # Errors
+    /// If the same is written for two images.
+    pub(super) fn distinct_names(
+        &self,
+        written: impl Fn(&str) -> String,
+    ) -> Result<Vec<String>, ExchangeError> {
+        let names = self.image_names();
+        let mut seen = HashMap::new();
+        for (name, frame) in names.iter().zip(&self.sequence.frames) {
+            if let Some(first) = seen.insert(written(name), &frame.image) {
+                return Err(ExchangeError::new(
+                    &frame.image,
+                    format!("its name would be that of {} too", first.display()),
+                    "leave one of the two frames out of the dataset, or export in another format",
+                ));
+            }
+        }
+        Ok(names)
+    }
+
     /// Names of the images: their paths below the deepest folder that holds them all, with `/`.
     pub fn image_names(&self) -> Vec<String> {
         let images: Vec<&Path> = (self.sequence.frames.iter())

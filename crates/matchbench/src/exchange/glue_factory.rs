@@ -92,7 +92,7 @@ impl Source for GlueFactory {
 /// The matched points are the keypoints, so that match `i` joins keypoints `i`. Coordinates are
 /// float64: adding 0.5 would round float32.
 fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
-    let names = export.image_names();
+    let names = export.distinct_names(|name| name.replace('/', "-"))?;
     let mut out = Hdf5Out::default();
     for pair in &export.pairs {
         let name = |frame: u32| names[frame as usize].replace('/', "-");

@@ -202,7 +202,7 @@ impl Source for Hloc {
 /// Coordinates are float32 rather than hloc's float16, which rounds to 1 or 2 pixels in large
 /// images; scores are 1 - ambiguity as float64, which is exact.
 fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
-    let names = export.image_names();
+    let names = export.distinct_names(|name| name.replace('/', "-"))?;
     for pair in &export.pairs {
         for frame in [pair.frames.0, pair.frames.1].map(|frame| frame as usize) {
             if names[frame].contains(char::is_whitespace) {

@@ -87,6 +87,16 @@ fn the_root_of_a_tool_may_lie_above_in_every_format_with_names() {
         let points = found.matches(1, 2).unwrap().unwrap().points;
         assert!((points.a[0].x - 11.0).abs() < 1e-4, "{id}: {:?}", points.a);
     }
+    let mut twice = sequence.clone();
+    twice.frames.push(twice.frames[0].clone());
+    let export = Export::new(&twice, Vec::new()).unwrap();
+    for id in ["hloc", "glue-factory", "colmap"] {
+        let written = Format::find(id)
+            .unwrap()
+            .write(&folder.path().join("twice").join(id), &export);
+        let error = written.unwrap_err().to_string();
+        assert!(error.contains("its name would be that of"), "{id}: {error}");
+    }
     let list = fs::read_to_string(folder.path().join("hloc/wide/pairs.list")).unwrap();
     let first = "images/db/one.png images/db/two.png\n";
     assert!(

@@ -71,19 +71,19 @@ const PLANAR_OR_PANORAMIC: i64 = 6;
 pub(super) fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeError> {
     let path = folder.join("database.db");
     let unwritable = |error: &dyn std::fmt::Display| ExchangeError::unwritable(&path, error);
-    let bytes = database(export).map_err(|error| unwritable(&error))?;
+    let names = export.distinct_names(str::to_owned)?;
+    let bytes = database(export, &names).map_err(|error| unwritable(&error))?;
     write_new(&path, &bytes).map_err(|error| unwritable(&error))?;
     Ok(vec![path])
 }
 
-fn database(export: &Export<'_>) -> rusqlite::Result<Vec<u8>> {
+fn database(export: &Export<'_>, names: &[String]) -> rusqlite::Result<Vec<u8>> {
     let mut connection = Connection::open_in_memory()?;
     connection.execute_batch(SCHEMA)?;
     let transaction = connection.transaction()?;
     let numbered = numbered(export);
     let camera_ids = insert_cameras(&transaction, export)?;
-    let names = export.image_names();
-    let images = numbered.keypoints.iter().zip(&names).zip(&camera_ids);
+    let images = numbered.keypoints.iter().zip(names).zip(&camera_ids);
     for (((keypoints, name), camera_id), frame) in images.zip(0..) {
         transaction.execute(
             "INSERT INTO images VALUES (?1, ?2, ?3)",
