@@ -388,7 +388,11 @@ fn show_draws_a_pair_that_the_dataset_lists() {
     let png = fs::read(path("pair.png")).expect("it was written");
     assert!(png.starts_with(b"\x89PNG"));
     for (pair, out, expected) in [
-        (["2", "0"], "no.png", "no pair 2 0"),
+        (
+            ["2", "0"],
+            "no.png",
+            "no pair 2 0; it has the two in the other order",
+        ),
         (["0", "7"], "no.png", "there is no image `7`"),
         (["0", "7.pgm"], "no.png", "there is no image `7.pgm`"),
         (["0", "1"], "no.jpg", ".png or .svg"),

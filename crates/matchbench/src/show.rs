@@ -37,7 +37,7 @@ pub struct Shown {
 #[derive(Debug, thiserror::Error)]
 pub enum ShowError {
     /// The dataset does not list the pair.
-    #[error("{dataset} has no pair {a} {b}; its pairs.txt lists those that it has")]
+    #[error("{dataset} has no pair {a} {b}; {}", if *.is_turned { "it has the two in the other order" } else { "its pairs.txt lists those that it has" })]
     NoPair {
         /// The folder of the dataset.
         dataset: String,
@@ -45,6 +45,8 @@ pub enum ShowError {
         a: u32,
         /// Second frame.
         b: u32,
+        /// Whether it lists the pair of the second and the first.
+        is_turned: bool,
     },
     /// The matcher cannot have the images, or the estimator has no truth to be compared with.
     #[error(transparent)]
@@ -82,6 +84,7 @@ impl Shown {
             dataset: dataset.path.display().to_string(),
             a,
             b,
+            is_turned: (sequence.pairs.iter()).any(|pair| (pair.a, pair.b) == (b, a)),
         })?;
         check_truth(&sequence.name, [pair], contender)?;
         let frames = [a, b].map(|frame| &sequence.frames[frame as usize]);

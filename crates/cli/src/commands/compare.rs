@@ -47,7 +47,12 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         })
         .collect();
     let runs = [&args.before, after];
-    let mut text = table(&rows);
+    let sides = if args.matchers.is_empty() {
+        ["before", "after"]
+    } else {
+        ["first", "second"]
+    };
+    let mut text = table(&rows, sides);
     text.push('\n');
     for (run, sets) in runs
         .into_iter()
@@ -202,8 +207,11 @@ fn methods<'a>(
         found.extend(sets.iter().filter(is_it));
         ensure!(
             !found.is_empty(),
-            "no results of `{name}`; there are {}",
-            known(sets).join(", ")
+            "no results of `{name}`; {}",
+            match &known(sets)[..] {
+                [] => "nothing is recorded yet".to_owned(),
+                known => format!("there are {}", known.join(", ")),
+            }
         );
     }
     let [first, second] = &found;
@@ -301,15 +309,15 @@ fn truths(folder: &Path) -> Result<BTreeMap<String, String>> {
         .collect())
 }
 
-/// One line for each matcher, estimator and dataset that both runs have.
-fn table(rows: &[Row<'_>]) -> String {
+/// One line for each matcher, estimator and dataset that both sides have, which are called so.
+fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
     let heads = [
         "dataset",
         "matcher",
         "estimator",
         "pairs",
-        "before",
-        "after",
+        before,
+        after,
         "change",
         "95 % interval",
         "rotation",
@@ -364,9 +372,9 @@ fn table(rows: &[Row<'_>]) -> String {
     }
     let _ = write!(
         text,
-        "\nchange: of the AUC, on the pairs that both runs have, with the paired 95 % interval (pairs that \
-         share an image are not independent);\nbetter and worse: the interval leaves out 0, which is decided for each comparison \
-         alone; there is none with fewer than {};\ngained and lost: pairs below 5 degrees after but not before, and the \
+        "\nchange: of the AUC, on the pairs that both have, with the paired 95 % interval (pairs that \
+         share an image are not independent);\nbetter and worse: of {after}, where the interval leaves out 0, which is decided for each comparison \
+         alone; there is none with fewer than {};\ngained and lost: pairs below 5 degrees in {after} but not in {before}, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
          3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
         units(MIN_IMAGES)

@@ -1,7 +1,7 @@
 //! Changes of parameters by a user: `ID.NAME=VALUE`.
 
 use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Number, Value};
 
 use super::{ConfigError, merge};
 
@@ -73,9 +73,10 @@ impl Changes {
     }
 }
 
-/// Reads a value as JSON; if it is not JSON, it is text. So `sift.search=exact` needs no quotes.
+/// Reads a value as JSON; if it is not JSON, it is a number like `.7`, or text. So `sift.search=exact` needs no quotes.
 pub fn parse_value(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.into()))
+    let number = || Number::from_f64(text.parse().ok()?).map(Value::Number);
+    serde_json::from_str(text).unwrap_or_else(|_| number().unwrap_or_else(|| text.into()))
 }
 
 fn insert(changes: &mut Map<String, Value>, setting: &str) -> Result<(), String> {
@@ -129,6 +130,18 @@ mod tests {
         assert_eq!(
             Value::Object(changes.0),
             json!({"sift": {"ratio": 0.7, "extractor": {"sigma": 1.2}}, "gms": {"budget": "authors"}})
+        );
+    }
+
+    #[test]
+    fn numbers_may_begin_with_a_point_and_are_finite() {
+        assert_eq!(
+            [".7", "+2", "1e-3"].map(parse_value),
+            [json!(0.7), json!(2.0), json!(0.001)]
+        );
+        assert_eq!(
+            ["nan", "inf", "7px"].map(parse_value),
+            [json!("nan"), json!("inf"), json!("7px")]
         );
     }
 
