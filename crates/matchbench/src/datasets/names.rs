@@ -4,8 +4,7 @@
 //! extension; some write `-` for `/`. All of these are understood, as long as only one image has a path that ends so.
 //! A name is never opened as a file.
 
-use std::collections::HashMap;
-use std::iter;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Folders above an image that may be part of its name.
@@ -13,6 +12,9 @@ const MAX_FOLDERS: usize = 6;
 
 /// Largest number of bytes of a name whose first folders may be left out: that of a path on most systems.
 const MAX_PATH: usize = 4096;
+
+/// How many last bytes tell at once that a name is that of no image.
+const TAIL: usize = 4;
 
 /// What a name means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,8 @@ pub(crate) struct ImageNames {
     images: HashMap<String, Named>,
     /// The length of the longest name.
     longest: usize,
+    /// The last bytes of names that have so many.
+    tails: HashSet<[u8; TAIL]>,
 }
 
 impl Named {
@@ -60,7 +64,12 @@ impl ImageNames {
             }
         }
         let longest = images.keys().map(String::len).max().unwrap_or(0);
-        Self { images, longest }
+        let tails = images.keys().filter_map(|name| tail(name)).collect();
+        Self {
+            images,
+            longest,
+            tails,
+        }
     }
 
     /// The image whose path ends with that name.
@@ -78,17 +87,39 @@ impl ImageNames {
         if name.len() > MAX_PATH {
             return None;
         }
-        let rests = |separators: &'static [char]| {
-            iter::successors(Some(name), move |rest| Some(rest.split_once(separators)?.1))
-                .filter_map(|rest| self.whole(rest))
-        };
-        if let Some(named) = rests(&['/']).next() {
+        let found = |separators| (self.rests(name, separators)).filter_map(|rest| self.whole(rest));
+        if let Some(named) = found(b"/").next() {
             return Some(named);
         }
-        let mut rests = rests(&['/', '-']);
+        let mut rests = found(b"/-");
         let longest = rests.next()?;
         Some(rests.filter_map(Named::one).fold(longest, Named::or))
     }
+
+    /// The name and what is behind each separator, the longest first, without what is no name for its length or its
+    /// last bytes: a joined name is split at many places, and each part has rests.
+    fn rests<'a>(
+        &self,
+        name: &'a str,
+        separators: &'static [u8],
+    ) -> impl Iterator<Item = &'a str> + use<'a> {
+        let longest = if tail(name).is_some_and(|tail| self.tails.contains(&tail)) {
+            self.longest
+        } else {
+            self.longest.min(TAIL - 1)
+        };
+        let whole = (name.len() <= longest).then_some(name);
+        // The separator before a rest of the longest length.
+        let first = name.len().saturating_sub(longest + 1);
+        let ends = (name.bytes().enumerate().skip(first))
+            .filter(|(_, byte)| separators.contains(byte))
+            .map(|(at, _)| &name[at + 1..]);
+        whole.into_iter().chain(ends)
+    }
+}
+
+fn tail(name: &str) -> Option<[u8; TAIL]> {
+    name.as_bytes().last_chunk().copied()
 }
 
 /// The names that an image answers to: the ends of its path, also without the ending, and with `-`
@@ -176,5 +207,31 @@ mod tests {
         ] {
             assert_eq!(names.end(name), image, "{name}");
         }
+    }
+
+    #[test]
+    fn only_rests_that_may_be_names_are_looked_up() {
+        let names = names(&["/d/ä/7.jpg", "/data/query/7.jpg"]);
+        assert_eq!(names.longest, "/data/query/7.jpg".len() + 1);
+        for folder in ["-/", "/", "ä-", "elsewhere-", "x/y-z/"] {
+            for length in [0, 1, 2, 3, 5, 19, 20, 400] {
+                let name = [&folder.repeat(length), "data/query-7.jpg"].concat();
+                for separators in [&b"/"[..], b"/-"] {
+                    let is_separator = |c: char| separators.contains(&(c as u8)) && c.is_ascii();
+                    let behind = name.match_indices(is_separator).map(|(at, _)| at + 1);
+                    let all = std::iter::once(0).chain(behind).map(|at| &name[at..]);
+                    let may_be: Vec<_> = all.filter(|rest| rest.len() <= names.longest).collect();
+                    let rests: Vec<_> = names.rests(&name, separators).collect();
+                    assert_eq!(rests, may_be, "{name}");
+                }
+                assert_eq!(names.end(&name), Some(One(1)), "{name}");
+            }
+        }
+        let rests = |name| names.rests(name, b"/-").collect::<Vec<_>>();
+        assert_eq!(rests("data/query-7.gif"), [""; 0]);
+        assert_eq!(rests("data/b-7"), ["b-7", "7"]);
+        assert_eq!(rests("/--/"), ["--/", "-/", "/", ""]);
+        assert_eq!(names.end("x/query-7"), Some(One(1)));
+        assert_eq!(names.end("data/q-7"), Some(Several(0, 1)));
     }
 }
