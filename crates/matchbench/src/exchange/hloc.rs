@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::export::numbered;
-use super::names::PairName;
+use super::names::{PairName, splits};
 use super::probe::{Content, Probe};
 use super::sparse::{keypoints, matched, row_by_row};
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
@@ -145,11 +145,15 @@ impl Features {
         }
     }
 
-    /// The groups of both images of a pair, however its name can be split.
+    /// The groups of both images of a pair, however its name can be split; none where it is longer than two paths.
     fn of_pair(&self, pair: &str) -> impl Iterator<Item = [&str; 2]> {
-        let group = |name: &str| self.groups.get(&name.replace('/', "-")).map(String::as_str);
-        pair.match_indices(separator(pair))
-            .filter_map(move |(at, _)| Some([group(&pair[..at])?, group(&pair[at + 1..])?]))
+        let group = |name: &str| self.groups.get(name).map(String::as_str);
+        // Once, and not for each split.
+        let dashed = pair.replace('/', "-");
+        splits(pair, separator(pair)).filter_map(move |[a, _]| {
+            let [a, b] = [&dashed[..a.len()], &dashed[a.len() + 1..]];
+            Some([group(a)?, group(b)?])
+        })
     }
 
     /// The groups of both images of a pair, if its name can be split in one way only.
@@ -256,4 +260,33 @@ fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, ExchangeErr
         .collect();
     write_new(&paths[2], pairs.as_bytes()).map_err(|error| unwritable(&paths[2], error))?;
     Ok(paths.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_is_not_split_where_its_name_is_longer_than_two_paths() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("features.h5");
+        let mut out = Hdf5Out::default();
+        out.integers("none".into(), &[1], &[0]);
+        out.write(&path).unwrap();
+        let images = ["db/1.jpg", "q-2.jpg", &"n/".repeat(2048), &"n".repeat(4097)];
+        let arrays = images.map(|image| format!("{image}/keypoints"));
+        let features = Features::new(Hdf5::open(&path).unwrap(), &arrays);
+        let [one, two, long, longer] = images;
+        for (pair, of_pair) in [
+            ("db-1.jpg/q-2.jpg".to_owned(), vec![[one, two]]),
+            ("db/1.jpg/q/2.jpg".to_owned(), vec![[one, two]]),
+            ("q-2.jpg_db-1.jpg".to_owned(), vec![[two, one]]),
+            ("db-1.jpg/q-3.jpg".to_owned(), Vec::new()),
+            (format!("{}/{}", &longer[2..], &long[1..]), Vec::new()),
+            (format!("{long}/q-2.jpg"), vec![[long, two]]),
+            (format!("{longer}/{longer}"), Vec::new()),
+        ] {
+            assert!(features.of_pair(&pair).eq(of_pair), "{pair:.40}");
+        }
+    }
 }

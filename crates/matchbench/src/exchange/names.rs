@@ -17,7 +17,7 @@ const MAX_PATH: usize = 4096;
 
 /// The two names that joined ones can be, at each separator; none where they are longer than two paths, since every
 /// split is looked up.
-fn splits(joined: &str, separator: char) -> impl Iterator<Item = [&str; 2]> {
+pub(super) fn splits(joined: &str, separator: char) -> impl Iterator<Item = [&str; 2]> {
     let joined = if joined.len() > 2 * MAX_PATH {
         ""
     } else {
