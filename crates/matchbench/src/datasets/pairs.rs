@@ -152,15 +152,19 @@ impl PairRule {
         let first_frames = || (0..kept).step_by(step);
         let count: usize = first_frames().map(|a| last(a) - (a + 1)).sum();
         if count > MAX_PAIRS {
-            return Err(DatasetError::new(
-                self.to_string(),
-                format!("{kept} frames have {count} pairs by this rule; {MAX_PAIRS} are possible"),
-                "choose fewer pairs, for example by --pairs window:9,stride:15 or fragments:15",
-            ));
+            return Err(self.too_many(kept, &count.to_string(), MAX_PAIRS));
         }
         let pairs =
             first_frames().flat_map(|a| (a + 1..last(a)).map(move |b| (a as u32, b as u32)));
         Ok(pairs.collect())
+    }
+
+    fn too_many(&self, frames: usize, count: &str, most: usize) -> DatasetError {
+        DatasetError::new(
+            self.to_string(),
+            format!("{frames} frames have {count} pairs by this rule; {most} are possible"),
+            "choose fewer pairs, for example by --pairs window:9,stride:15 or fragments:15",
+        )
     }
 
     fn without_points(&self) -> DatasetError {
@@ -259,7 +263,24 @@ pub(super) fn with_poses(
 
 /// The pairs of frames whose share of common points is in the range. `seen` has the points of each frame,
 /// without repetition.
-pub(super) fn covisible(seen: &[Vec<u64>], lowest: f64, highest: f64) -> Vec<(u32, u32)> {
+///
+/// # Errors
+/// If there are more than 20,000,000 pairs.
+pub(super) fn covisible(
+    seen: &[Vec<u64>],
+    lowest: f64,
+    highest: f64,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
+    at_most(MAX_PAIRS, seen, lowest, highest)
+}
+
+/// The same with another limit.
+fn at_most(
+    most: usize,
+    seen: &[Vec<u64>],
+    lowest: f64,
+    highest: f64,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
     let mut seen_by: HashMap<u64, Vec<usize>> = HashMap::new();
     let mut pairs = Vec::new();
     // Starts from the last frame, so that the list of a point holds only later frames.
@@ -279,13 +300,18 @@ pub(super) fn covisible(seen: &[Vec<u64>], lowest: f64, highest: f64) -> Vec<(u3
             .filter(|(_, count)| **count > 0)
         {
             let share = count as f64 / points.len().max(seen[b].len()) as f64;
-            if (lowest..=highest).contains(&share) {
-                pairs.push((a as u32, b as u32));
+            if !(lowest..=highest).contains(&share) {
+                continue;
             }
+            if pairs.len() == most {
+                let rule = PairRule::Covisible { lowest, highest };
+                return Err(rule.too_many(seen.len(), &format!("more than {most}"), most));
+            }
+            pairs.push((a as u32, b as u32));
         }
     }
     pairs.reverse();
-    pairs
+    Ok(pairs)
 }
 
 /// `b_from_a` of two cameras whose poses in the world are known.
@@ -414,10 +440,25 @@ mod tests {
             vec![],
             vec![1, 2, 3],
         ];
-        assert_eq!(covisible(&seen, 0.2, 1.0), [(0, 1), (0, 4), (1, 2), (1, 4)]);
-        assert_eq!(covisible(&seen, 0.3, 0.7), [(0, 1)]);
-        assert_eq!(covisible(&seen, 0.75, 0.75), [(0, 4)]);
-        assert_eq!(covisible(&[], 0.1, 1.0), []);
+        let pairs = |lowest, highest| covisible(&seen, lowest, highest).unwrap();
+        assert_eq!(pairs(0.2, 1.0), [(0, 1), (0, 4), (1, 2), (1, 4)]);
+        assert_eq!(pairs(0.3, 0.7), [(0, 1)]);
+        assert_eq!(pairs(0.75, 0.75), [(0, 4)]);
+        assert_eq!(covisible(&[], 0.1, 1.0).unwrap(), []);
+    }
+
+    #[test]
+    fn more_covisible_pairs_than_fit_are_refused() {
+        let seen = vec![vec![7]; 10];
+        assert_eq!(at_most(45, &seen, 0.5, 1.0).unwrap().len(), 45);
+        let error = at_most(44, &seen, 0.5, 1.0).unwrap_err().to_string();
+        for part in [
+            "covisible:0.5..1",
+            "10 frames have more than 44 pairs by this rule; 44 are possible",
+            "choose fewer pairs",
+        ] {
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     proptest! {

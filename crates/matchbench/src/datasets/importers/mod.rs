@@ -268,7 +268,7 @@ impl Imported {
         match (rule, self.pairs, self.seen) {
             (_, Some(pairs), _) => Ok((self.frames, pairs)),
             (Some(&PairRule::Covisible { lowest, highest }), _, Some(seen)) => {
-                let pairs = covisible(&seen, lowest, highest);
+                let pairs = covisible(&seen, lowest, highest)?;
                 let pairs = with_poses(&self.frames, pairs)?;
                 Ok((self.frames, pairs))
             }
