@@ -5,8 +5,13 @@
 //! the parts of HDF5 that exchange formats use are read: arrays of numbers in nested groups. Attributes are
 //! ignored.
 
+#[cfg(test)]
+mod tests;
+
+use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use hdf5_reader::group::Group;
@@ -16,6 +21,7 @@ use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
 use super::array::{Array, Element, Kind, MAX_BYTES};
+use super::metered::Metered;
 use crate::counted::counted;
 use crate::files::{open_file, write_new};
 
@@ -32,10 +38,16 @@ const DEEPEST: usize = 24;
 /// Without this limit, an array of which nothing is stored could claim any shape, and all of it would be filled.
 const MAX_GROWTH: u64 = 1100;
 
+/// The most bytes that are read of a file to list its groups, for each of its bytes and beside these: parts of a hostile
+/// file can belong to many groups.
+const LISTED_OF_BYTE: u64 = 16;
+const LISTED: u64 = 16 << 20;
+
 /// An opened file.
 pub(crate) struct Hdf5 {
     path: PathBuf,
     file: Reader,
+    storage: Arc<Metered>,
     /// Its size.
     bytes: u64,
 }
@@ -86,11 +98,13 @@ impl Hdf5 {
             .with_max_read_bytes(bytes)
             .with_max_chunk_bytes(bytes.min(DEFAULT_MAX_CHUNK_BYTES))
             .with_max_object_header_bytes(16 << 20);
-        let file = Reader::from_storage_with_options(storage, options)
+        let storage = Arc::new(Metered::new(storage));
+        let file = Reader::from_storage_with_options(Arc::clone(&storage) as DynStorage, options)
             .map_err(|error| ArrayError::damaged(path, format!("no HDF5 file ({error})")))?;
         Ok(Self {
             path: path.into(),
             file,
+            storage,
             bytes: length,
         })
     }
@@ -104,20 +118,34 @@ impl Hdf5 {
     /// # Errors
     /// If a group cannot be read, or there are too many arrays.
     pub(crate) fn arrays(&self) -> Result<Vec<String>, ArrayError> {
-        self.arrays_within(MAX_MEMBERS, MAX_NAME_BYTES)
+        let most = self.bytes.saturating_mul(LISTED_OF_BYTE);
+        self.arrays_within(MAX_MEMBERS, MAX_NAME_BYTES, most.saturating_add(LISTED))
     }
 
-    fn arrays_within(&self, members: usize, bytes: usize) -> Result<Vec<String>, ArrayError> {
+    /// The same, with so many members, bytes of their paths, and bytes that are read to list them.
+    fn arrays_within(
+        &self,
+        members: usize,
+        bytes: usize,
+        read: u64,
+    ) -> Result<Vec<String>, ArrayError> {
         let mut found = Found {
             arrays: Vec::new(),
             members,
             bytes,
+            listings: HashMap::new(),
         };
-        let root = self
-            .file
-            .root_group()
-            .map_err(|error| self.damaged(error))?;
-        self.collect(&root, "", 0, &mut found)?;
+        self.storage.allow(read);
+        let collected = (self.file.root_group())
+            .map_err(|error| self.damaged(error))
+            .and_then(|root| self.collect(&root, "", 0, &mut found));
+        let is_spent = self.storage.is_spent();
+        self.storage.allow(u64::MAX);
+        // Links whose targets were not read any more have no error of their own.
+        if is_spent {
+            return Err(self.damaged("its groups have more parts than it has bytes for"));
+        }
+        collected?;
         Ok(found.arrays)
     }
 
@@ -131,27 +159,45 @@ impl Hdf5 {
         if depth > DEEPEST {
             return Err(self.damaged(format!("groups are nested deeper than {DEEPEST}")));
         }
-        let (groups, arrays) = group.member_names().map_err(|error| self.unlisted(error))?;
-        for name in &arrays {
+        let listing = self.listing(group, found)?;
+        for name in &listing.arrays {
             found
                 .count(prefix, name)
                 .map_err(|what| self.damaged(what))?;
             found.arrays.push(format!("{prefix}{name}"));
         }
-        for name in &groups {
+        for inner in &listing.groups {
             found
-                .count(prefix, name)
+                .count(prefix, inner.name())
                 .map_err(|what| self.damaged(what))?;
         }
-        if groups.is_empty() {
-            return Ok(());
-        }
-        // All at once: each by its name would look through all names again.
-        for inner in group.groups().map_err(|error| self.unlisted(error))? {
+        for inner in &listing.groups {
             let prefix = format!("{prefix}{}/", inner.name());
-            self.collect(&inner, &prefix, depth + 1, found)?;
+            self.collect(inner, &prefix, depth + 1, found)?;
         }
         Ok(())
+    }
+
+    /// The members of a group. They are looked up twice at most, however many paths lead to it: links that resolve to
+    /// nothing take time and are no members, so they are not counted.
+    fn listing(&self, group: &Group, found: &mut Found) -> Result<Rc<Listing>, ArrayError> {
+        let known = found.listings.get(&group.address());
+        if let Some(Some(listing)) = known {
+            return Ok(Rc::clone(listing));
+        }
+        let is_known = known.is_some();
+        let (groups, arrays) = group.member_names().map_err(|error| self.unlisted(error))?;
+        let groups = if groups.is_empty() {
+            Vec::new()
+        } else {
+            // All at once: each by its name would look through all names again.
+            group.groups().map_err(|error| self.unlisted(error))?
+        };
+        let listing = Rc::new(Listing { groups, arrays });
+        // In most files each group has one path, so that nothing needs to be kept.
+        let kept = is_known.then(|| Rc::clone(&listing));
+        found.listings.insert(group.address(), kept);
+        Ok(listing)
     }
 
     /// The shape that the array at `path` says it has; `None` if it cannot be read.
@@ -217,6 +263,15 @@ struct Found {
     arrays: Vec<String>,
     members: usize,
     bytes: usize,
+    /// The groups that were met, by their places, with the members of those that were met again.
+    listings: HashMap<u64, Option<Rc<Listing>>>,
+}
+
+/// The members of a group.
+struct Listing {
+    groups: Vec<Group>,
+    /// Names of its arrays.
+    arrays: Vec<String>,
 }
 
 impl Found {
@@ -301,202 +356,4 @@ impl Hdf5Out {
 
 fn sides(shape: &[usize]) -> Vec<u64> {
     shape.iter().map(|&side| side as u64).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nested_arrays_come_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("m.h5");
-        let mut out = Hdf5Out::default();
-        out.floats("a/x.png/keypoints".into(), &[2, 2], &[1.5, 2.0, -0.25, 3e7]);
-        out.integers("a/x.png/n".into(), &[3], &[1, -1, 70_000]);
-        out.doubles("empty".into(), &[0], &[]);
-        out.write(&path).unwrap();
-        let file = Hdf5::open(&path).unwrap();
-        let mut paths = file.arrays().unwrap();
-        paths.sort();
-        assert_eq!(paths, ["a/x.png/keypoints", "a/x.png/n", "empty"]);
-        let keypoints = file.array("a/x.png/keypoints").unwrap();
-        assert_eq!(keypoints.rows(2), Ok(2));
-        assert_eq!(keypoints.to_vec(), [1.5, 2.0, -0.25, 3e7]);
-        assert_eq!(
-            file.array("a/x.png/n").unwrap().to_vec(),
-            [1.0, -1.0, 70_000.0]
-        );
-        assert_eq!(file.array("empty").unwrap().length(), Ok(0));
-        let limited = Hdf5::with_arrays_of(&path, 12).unwrap();
-        assert!(limited.array("a/x.png/n").is_ok());
-        let error = limited.array("a/x.png/keypoints").unwrap_err();
-        assert!(
-            (error.what()).ends_with("(16 bytes) exceeds the 12 byte read limit"),
-            "{error:?}"
-        );
-        let error = file.array("a/y").err().unwrap();
-        assert!(
-            error.file == path && error.what().starts_with("array `a/y`: "),
-            "{error:?}"
-        );
-    }
-
-    /// Where the first object of a file of the first format begins.
-    const HEAD: u64 = 96;
-
-    /// A message of an object.
-    fn message(kind: u16, data: &[u8]) -> Vec<u8> {
-        let length = data.len().next_multiple_of(8);
-        let mut bytes = [kind.to_le_bytes(), (length as u16).to_le_bytes()].concat();
-        bytes.extend([0; 4]);
-        bytes.extend(data);
-        bytes.resize(8 + length, 0);
-        bytes
-    }
-
-    /// An object of these messages.
-    fn object(messages: &[Vec<u8>]) -> Vec<u8> {
-        let count = messages.len() as u16;
-        let messages = messages.concat();
-        let mut bytes = vec![1, 0];
-        bytes.extend(count.to_le_bytes());
-        bytes.extend(1_u32.to_le_bytes());
-        bytes.extend((messages.len() as u32).to_le_bytes());
-        bytes.extend([0; 4]);
-        bytes.extend(messages);
-        bytes
-    }
-
-    /// A group with links of one letter, `a` and so on, to objects at these places.
-    fn group(links: &[u64]) -> Vec<u8> {
-        // Links are in the group itself: no heap, no tree.
-        let mut messages = vec![
-            message(2, &[[0; 2].as_slice(), &[0xff; 16], &[0; 6]].concat()),
-            message(10, &[0; 8]),
-        ];
-        messages.extend((b'a'..).zip(links).map(|(letter, to)| {
-            let link = [&[1, 0, 1, letter][..], &to.to_le_bytes()].concat();
-            message(6, &link)
-        }));
-        object(&messages)
-    }
-
-    /// A file of the first format with these objects one after the other; the first is the root.
-    fn file_of(objects: &[Vec<u8>]) -> Vec<u8> {
-        let objects = objects.concat();
-        let mut file = b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08\0\x04\0\x10\0\0\0\0\0".to_vec();
-        let end = HEAD + objects.len() as u64;
-        for address in [0, u64::MAX, end, u64::MAX, 0, HEAD, 0] {
-            file.extend(address.to_le_bytes());
-        }
-        file.resize(HEAD as usize, 0);
-        file.extend(objects);
-        file
-    }
-
-    /// `groups` groups in a chain, each with `links` links to the next.
-    fn chain(groups: u64, links: usize) -> Vec<u8> {
-        let size = group(&vec![0; links]).len() as u64;
-        let of = |number: u64| {
-            let next = if number < groups { links } else { 0 };
-            group(&vec![HEAD + number * size; next])
-        };
-        file_of(&(1..=groups).map(of).collect::<Vec<_>>())
-    }
-
-    /// One array `a` of bytes in this shape, of which none was written.
-    fn promise(shape: &[u64]) -> Vec<u8> {
-        let to = HEAD + group(&[0]).len() as u64;
-        let sides = shape.iter().flat_map(|side| side.to_le_bytes());
-        let space = [1, shape.len() as u8, 0, 0, 0, 0, 0, 0].into_iter();
-        let array = object(&[
-            message(1, &space.chain(sides).collect::<Vec<u8>>()),
-            message(3, &[0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 8, 0]),
-            message(8, &[&[3, 1][..], &[0xff; 8], &[0; 8]].concat()),
-        ]);
-        file_of(&[group(&[to]), array])
-    }
-
-    #[test]
-    fn an_array_that_claims_more_than_its_file_can_hold_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("m.h5");
-        let read = |shape: &[u64]| {
-            std::fs::write(&path, promise(shape)).unwrap();
-            let file = Hdf5::open(&path)?;
-            assert_eq!(file.arrays()?, ["a"]);
-            file.array("a").map(|array| array.len())
-        };
-        assert_eq!(read(&[5, 2]).unwrap(), 10);
-        for shape in [&[1 << 29, 2][..], &[1 << 20]] {
-            let error = read(shape).unwrap_err().what();
-            assert!(error.contains("more than a file of"), "{error}");
-        }
-        assert!(read(&[1 << 40, 1 << 40]).is_err());
-    }
-
-    #[test]
-    fn groups_that_links_multiply_are_refused_in_time() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("m.h5");
-        let arrays = |groups, links| {
-            std::fs::write(&path, chain(groups, links)).unwrap();
-            Hdf5::open(&path)?.arrays()
-        };
-        assert_eq!(arrays(8, 3).unwrap(), [""; 0]);
-        let error = arrays(30, 1).unwrap_err();
-        assert!(error.what().contains("deeper than"), "{error:?}");
-        // 20 groups have 10^19 paths.
-        let wide = chain(20, 10);
-        std::fs::write(&path, wide).unwrap();
-        let file = Hdf5::open(&path).unwrap();
-        for (limits, what) in [
-            ((10_000, usize::MAX), "too many groups and arrays"),
-            ((usize::MAX, 100_000), "too long"),
-        ] {
-            let error = file.arrays_within(limits.0, limits.1).unwrap_err();
-            assert!(error.what().contains(what), "{error:?}");
-        }
-    }
-
-    #[test]
-    fn a_group_that_seems_cut_may_be_a_large_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("m.h5");
-        let whole = chain(3, 2);
-        std::fs::write(&path, &whole[..whole.len() - 8]).unwrap();
-        let error = Hdf5::open(&path).unwrap().arrays().unwrap_err();
-        assert!(error.what().contains("unexpected end of data"), "{error:?}");
-        assert!(error.remedy.contains("libver=\"earliest\""), "{error:?}");
-    }
-
-    #[test]
-    fn a_file_that_is_cut_or_changed_never_panics() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("m.h5");
-        let mut out = Hdf5Out::default();
-        out.floats("a/keypoints".into(), &[2, 2], &[1.5, 2.0, -0.25, 3e7]);
-        out.integers("a/b/matches0".into(), &[2], &[1, -1]);
-        out.write(&path).unwrap();
-        let whole = std::fs::read(&path).unwrap();
-        let read_all = |bytes: &[u8]| {
-            std::fs::write(&path, bytes).unwrap();
-            let file = Hdf5::open(&path)?;
-            for array in file.arrays()? {
-                file.array(&array)?;
-            }
-            Ok::<_, ArrayError>(())
-        };
-        assert!(read_all(&whole).is_ok());
-        for length in (0..whole.len()).step_by(3) {
-            assert!(read_all(&whole[..length]).is_err(), "cut to {length}");
-        }
-        for place in 0..whole.len() {
-            let mut changed = whole.clone();
-            changed[place] ^= (place as u8) | 1;
-            // The file is refused or read; a changed number inside an array cannot be detected.
-            let _ = read_all(&changed);
-        }
-    }
 }

@@ -7,6 +7,7 @@
 mod array;
 mod error;
 mod hdf5;
+mod metered;
 mod npy;
 mod npz;
 #[cfg(test)]
