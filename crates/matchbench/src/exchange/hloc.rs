@@ -94,7 +94,7 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
         // The groups of keypoints have the names as they are, with `/`.
         let groups = features.as_ref().and_then(|known| known.only_pair(pair));
         match groups {
-            Some([a, b]) => PairName::Two(a.to_owned(), b.to_owned()),
+            Some([a, b]) => PairName::Two(a.into(), b.into()),
             None => PairName::Joined(pair.clone(), separator(pair)),
         }
     });

@@ -7,6 +7,7 @@
 
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +34,8 @@ pub(super) fn splits(joined: &str, separator: char) -> impl Iterator<Item = [&st
 pub(super) enum PairName {
     /// Numbers of frames.
     Frames(u32, u32),
-    /// A name for each image.
-    Two(String, String),
+    /// A name for each image, which its pairs share: it may be long, and the pairs many.
+    Two(Arc<str>, Arc<str>),
     /// Both names with this character between them, which names may contain too.
     Joined(String, char),
 }
@@ -251,8 +252,8 @@ mod tests {
         let names = names(&["/data/scene8/color/1.png", "/data/scene8/color/2.png"]);
         let pair = |scene: &str| {
             PairName::Two(
-                format!("{scene}/color/1.png"),
-                format!("{scene}/color/2.png"),
+                format!("{scene}/color/1.png").into(),
+                format!("{scene}/color/2.png").into(),
             )
         };
         let of_both = [pair("scene7"), pair("scene8")];

@@ -176,17 +176,17 @@ fn connect(path: &Path, bytes: u64, steps: &Arc<Steps>) -> Result<Connection, Ex
 
 impl Database {
     /// Names of the images by id.
-    fn images(&self) -> Result<BTreeMap<i64, String>, ExchangeError> {
+    fn images(&self) -> Result<BTreeMap<i64, Arc<str>>, ExchangeError> {
         let mut left = self.bytes;
         let images = self.query("SELECT image_id, name FROM images", |row| {
-            let (id, name): (i64, String) = (row.get(0)?, row.get(1)?);
+            let (id, name): (i64, Arc<str>) = (row.get(0)?, row.get(1)?);
             let bytes = name.len() as u64;
             // Names can share bytes of a hostile file.
             let fits = left >= bytes;
             left = left.saturating_sub(bytes);
             Ok(fits.then_some((id, name)))
         });
-        let images: Option<BTreeMap<i64, String>> = images?;
+        let images: Option<BTreeMap<i64, Arc<str>>> = images?;
         let images =
             images.ok_or_else(|| self.damaged("its images have longer names than it has bytes"))?;
         match images.iter().find(|(_, name)| name.len() > MAX_NAME) {

@@ -1,13 +1,17 @@
 //! A database as COLMAP writes it: verified matches, and orientations of keypoints.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use matchbench_vision::geometry::{MatchedPoints, transfer};
 use nalgebra::{Matrix3, Point2, Vector2};
 use rusqlite::{Connection, Row};
 use tempfile::TempDir;
 
+use super::super::names::PairName;
+use super::super::probe::Probe;
 use super::super::tests::dataset;
 use super::super::{Export, FORMATS, MatchFiles, Model, PairExport, ReadOptions, TwoView};
 
@@ -265,4 +269,21 @@ fn an_image_has_no_longer_name_than_a_path() {
     let file = database.file_name().unwrap().to_str().unwrap();
     let parts = [file, "has 4097 bytes", "name images by their paths"];
     assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+}
+
+#[test]
+fn pairs_share_the_names_of_their_images() {
+    let (folder, sequence) = dataset();
+    let (database, _) = database(&folder);
+    let probe = Probe::new(&[database], &sequence.name).unwrap();
+    let contents = super::open(probe, &ReadOptions::default()).unwrap();
+    let names = contents.pairs.iter().flat_map(|pair| match pair {
+        PairName::Two(a, b) => [a, b],
+        other => panic!("{other} has no two names"),
+    });
+    let names: Vec<&Arc<str>> = names.collect();
+    let copies: HashSet<_> = names.iter().map(|name| Arc::as_ptr(name)).collect();
+    let images: HashSet<&str> = names.iter().map(|name| &***name).collect();
+    assert!(names.len() > images.len());
+    assert_eq!(copies.len(), images.len());
 }
