@@ -50,9 +50,11 @@ struct Earlier {
 }
 
 /// The files of this report so far.
+#[derive(Default)]
 struct Written {
     names: BTreeSet<String>,
-    list: Appender,
+    /// The list, once there is something in it.
+    list: Option<Appender>,
 }
 
 impl Earlier {
@@ -118,15 +120,10 @@ impl<'a> Pages<'a> {
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
         let earlier = Earlier::of(folder)?;
         remove_leftovers_below(folder, 2);
-        write_list(folder, earlier.names.iter())?;
-        let list = Appender::open(&folder.join(LIST), None)?;
         Ok(Self {
             folder,
             earlier,
-            written: Mutex::new(Written {
-                names: BTreeSet::new(),
-                list,
-            }),
+            written: Mutex::default(),
         })
     }
 
@@ -136,11 +133,21 @@ impl<'a> Pages<'a> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         if !written.names.contains(&text) {
             self.earlier.refuse_others(self.folder, &text)?;
-            written.list.append(format!("{text}\n").as_bytes())?;
+            let list = match &mut written.list {
+                Some(list) => list,
+                none => none.insert(self.list()?),
+            };
+            list.append(format!("{text}\n").as_bytes())?;
             written.names.insert(text);
         }
         drop(written);
         write_own(self.folder, name, contents)
+    }
+
+    /// The list of what is here already, to be continued.
+    fn list(&self) -> io::Result<Appender> {
+        write_list(self.folder, self.earlier.names.iter())?;
+        Appender::open(&self.folder.join(LIST), None)
     }
 
     /// Writes the figure `name` as the drawing that it is, and as PNG. Where that cannot be made, a note is in its
@@ -229,7 +236,7 @@ mod tests {
             assert!(told.to_string().contains(name), "{told}");
             assert_eq!(fs::read_to_string(at(name)).expect("it stays"), text);
             fs::remove_file(at(name)).expect("it is there");
-            let _ = fs::remove_file(at(".files"));
+            assert!(!at(".files").exists(), "nothing was written");
         }
         write(folder.path(), &names).expect("nothing is in the way");
         // Whoever writes our first line can still not have other files removed.
