@@ -109,12 +109,6 @@ fn of_others(file: &Path) -> io::Error {
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 
-/// Refuses a folder in which a report of these names would replace somebody else's file.
-pub(super) fn check_folder(folder: &Path, names: &[&str]) -> io::Result<()> {
-    let earlier = Earlier::of(folder)?;
-    (names.iter()).try_for_each(|name| earlier.refuse_others(folder, name))
-}
-
 impl<'a> Pages<'a> {
     /// Refuses a folder that belongs to a run or a dataset, or whose page or list is somebody else's.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
@@ -125,6 +119,11 @@ impl<'a> Pages<'a> {
             earlier,
             written: Mutex::default(),
         })
+    }
+
+    /// Refuses the folder if one of these files is there and no earlier report listed it.
+    pub(super) fn refuse_others(&self, names: &[&str]) -> io::Result<()> {
+        (names.iter()).try_for_each(|name| self.earlier.refuse_others(self.folder, name))
     }
 
     /// Writes one file; its name is relative to the folder. Refuses to replace one that no earlier report listed.

@@ -144,7 +144,10 @@ mod tests {
 
     /// The matches of a pair, and how many of them are of views.
     fn matched([a, b]: &[Features; 2], enough: Option<u32>) -> (Correspondences, usize) {
-        let stage = on_demand(enough);
+        matched_by(&on_demand(enough), [a, b])
+    }
+
+    fn matched_by(stage: &ViewsOnDemand, [a, b]: [&Features; 2]) -> (Correspondences, usize) {
         let mut matches = stage.search(a, b);
         let [a, b] = [a, b].map(|features| View {
             features,
@@ -186,13 +189,7 @@ mod tests {
             ..on_demand(Some(150))
         };
         let images = pair(|i| i % 4 == 0).each_ref().map(features_of_image);
-        let mut matches = stage.search(&images[0], &images[1]);
-        let [a, b] = images.each_ref().map(|features| View {
-            features,
-            image: None,
-            camera: None,
-        });
-        stage.select(a, b, &mut matches, Seed(1));
+        let (matches, _) = matched_by(&stage, images.each_ref());
         assert!(!matches.is_empty());
     }
 

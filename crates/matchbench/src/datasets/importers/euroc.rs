@@ -166,29 +166,29 @@ fn without_comments(text: &str) -> String {
         .collect()
 }
 
-/// What stands behind `key` at the beginning of a line.
+/// What follows `key` wherever it begins a line, to the end of the text.
+fn behind<'t>(text: &'t str, key: &str) -> impl Iterator<Item = &'t str> {
+    let starts = text.match_indices('\n').map(|(at, _)| at + 1);
+    let lines = std::iter::once(0).chain(starts).map(|at| &text[at..]);
+    let indent = |c: char| c != '\n' && c.is_whitespace();
+    lines.filter_map(move |line| line.trim_start_matches(indent).strip_prefix(key))
+}
+
+/// What stands behind `key` in the first line that begins with it.
 fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
-    let value = text
-        .lines()
-        .find_map(|line| line.trim_start().strip_prefix(key))?;
-    Some(value.trim())
+    let rest = behind(text, key).next()?;
+    Some(rest.lines().next().unwrap_or_default().trim())
 }
 
 /// The `N` numbers in the first square brackets after `key`, which begins one line.
 fn bracketed<const N: usize>(text: &str, key: &str) -> Result<[f64; N], String> {
-    let is_first = |before: &str| {
-        before
-            .rsplit('\n')
-            .next()
-            .is_some_and(|b| b.trim().is_empty())
-    };
-    let mut places = (text.match_indices(key)).filter(|&(at, _)| is_first(&text[..at]));
-    let place = places.next();
-    if places.next().is_some() {
+    let mut found = behind(text, key);
+    let rest = found.next();
+    if found.next().is_some() {
         return Err(format!("`{key}` is there twice"));
     }
-    let inside = place
-        .and_then(|(at, _)| text[at + key.len()..].split_once('['))
+    let inside = rest
+        .and_then(|rest| rest.split_once('['))
         .and_then(|(_, rest)| rest.split_once(']'));
     let (inside, _) = inside.ok_or_else(|| format!("there is no `{key} [...]`"))?;
     text::exactly(&inside.replace(',', " ")).map_err(|what| format!("{key} {what}"))

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use self::figures::PaperFigure;
 use super::csv::field;
-use super::pages::{Pages, check_folder};
+use super::pages::Pages;
 use super::{Content, MatcherTimes};
 use crate::records::MatcherPlan;
 
@@ -135,7 +135,7 @@ const FILES: [&str; 17] = [
 /// # Errors
 /// The error names such a file.
 pub fn check_paper_folder(folder: &Path) -> io::Result<()> {
-    check_folder(folder, &FILES)
+    Pages::new(folder)?.refuse_others(&FILES)
 }
 
 /// Writes tables, figures, page and document into `folder`, and returns the path of the page, and what is missing and
@@ -159,8 +159,8 @@ fn write_figures(
     times: &PaperTimes,
     figures: &[PaperFigure],
 ) -> io::Result<(PathBuf, Vec<String>)> {
-    check_paper_folder(folder)?;
     let out = Pages::new(folder)?;
+    out.refuse_others(&FILES)?;
     let write = |name: &str, contents: &[u8]| out.write(Path::new(name), contents);
     let sheets = [
         tables::datasets(content),

@@ -133,12 +133,12 @@ impl Fit<'_> {
     fn run(&self, layer: usize, x: usize, y: usize) -> Option<Extremum> {
         let start = [x as i32, y as i32];
         let mut place = [x as i32, y as i32, layer as i32];
-        let mut cube = self.cube(layer, x, y);
-        if layer == self.params.octave_layers && !cube.beats_coarser() {
-            return None;
-        }
-        for _ in 0..MAX_STEPS {
+        for step in 0..MAX_STEPS {
             let [x, y, layer] = place.map(|v| v as usize);
+            let cube = self.cube(layer, x, y);
+            if step == 0 && layer == self.params.octave_layers && !cube.beats_coarser() {
+                return None;
+            }
             let derivatives = derivatives(&cube);
             let offset = -solve(&derivatives.hessian, &derivatives.gradient);
             if offset.iter().all(|v| v.abs() < 0.5) {
@@ -150,8 +150,6 @@ impl Fit<'_> {
             if !self.is_inside(place, start) {
                 return None;
             }
-            let [x, y, layer] = place.map(|v| v as usize);
-            cube = self.cube(layer, x, y);
         }
         None
     }
