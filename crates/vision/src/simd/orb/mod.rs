@@ -1,12 +1,14 @@
 //! What ORB reads around a keypoint: corner strength (Harris), the centre of intensity, and the comparisons of pairs
 //! of intensities.
 
+mod harris;
 mod moments;
 mod pairs;
 
 use std::f32::consts::TAU;
 
 use super::gradient::turns;
+pub use harris::harris_strengths;
 pub use moments::intensity_moments;
 pub use pairs::{PAIR_REACH, PairTable, compare_pairs};
 
@@ -49,18 +51,6 @@ impl Pixels<'_> {
 multiversioned! {
     #![avx512]
 
-    /// Harris corner strength `(det - 0.04 trace^2)` of the second-moment matrix of the Sobel
-    /// gradients, summed over 7 x 7 pixels and scaled to intensities in `[0, 1]`, at each centre.
-    /// Centres must be at least 20 pixels from the border; nearer to it, pixels from the other end of the row
-    /// are read, or it panics.
-    pub fn harris_strengths(pixels: Pixels<'_>, centres: &[[u32; 2]]) -> Vec<f32> {
-        let mut strengths = Vec::with_capacity(centres.len());
-        for &centre in centres {
-            strengths.push(harris_strength(pixels, centre));
-        }
-        strengths
-    }
-
     /// Directions of vectors in radians in `[0, 2 pi)` from x towards y; 0 for the zero vector.
     pub fn directions(vectors: &[[i32; 2]]) -> Vec<f32> {
         let mut angles = vec![0.0; vectors.len()];
@@ -70,46 +60,6 @@ multiversioned! {
         angles
     }
 
-}
-
-#[inline(always)]
-fn harris_strength(pixels: Pixels<'_>, centre: [u32; 2]) -> f32 {
-    const K: f32 = 0.04;
-    const SCALE: f32 = 1.0 / (4 * 7 * 255) as f32;
-    // The derivative along x and the smoothing across it, of nine rows; the eighth lane is unused.
-    let mut along = [[0_i16; 8]; 9];
-    let mut across = [[0_i16; 8]; 9];
-    for y in 0..9 {
-        let down = y as isize - 4;
-        let left = pixels.run::<8>(centre, 4, down);
-        let middle = pixels.run::<8>(centre, 3, down);
-        let right = pixels.run::<8>(centre, 2, down);
-        for i in 0..8 {
-            let (left, right) = (i16::from(left[i]), i16::from(right[i]));
-            along[y][i] = right - left;
-            across[y][i] = left + 2 * i16::from(middle[i]) + right;
-        }
-    }
-    let mut xx = [0_i32; 8];
-    let mut yy = [0_i32; 8];
-    let mut xy = [0_i32; 8];
-    for y in 1..8 {
-        for i in 0..8 {
-            let dx = i32::from(along[y - 1][i] + 2 * along[y][i] + along[y + 1][i]);
-            let dy = i32::from(across[y + 1][i] - across[y - 1][i]);
-            xx[i] += dx * dx;
-            yy[i] += dy * dy;
-            xy[i] += dx * dy;
-        }
-    }
-    let (mut a, mut b, mut c) = (0, 0, 0);
-    for i in 0..7 {
-        a += xx[i];
-        b += yy[i];
-        c += xy[i];
-    }
-    let (a, b, c) = (a as f32, b as f32, c as f32);
-    (a * b - c * c - K * (a + b) * (a + b)) * (SCALE * SCALE * SCALE * SCALE)
 }
 
 #[cfg(test)]
@@ -152,34 +102,5 @@ mod tests {
                 "{x}, {y}: {angle}, not {exact}"
             );
         }
-    }
-
-    #[test]
-    fn corners_are_stronger_than_edges() {
-        // A quadrant about (20, 20) and an edge through (40, 29), as bright as it gets.
-        let mut data = vec![0; WIDTH * 50];
-        for (i, value) in data.iter_mut().enumerate() {
-            let (x, y) = (i % WIDTH, i / WIDTH);
-            *value = if ((20..30).contains(&x) && y >= 20) || x >= 40 {
-                255
-            } else {
-                0
-            };
-        }
-        let pixels = Pixels {
-            data: &data,
-            width: WIDTH,
-        };
-        let strengths = harris_strengths(pixels, &CENTRES);
-        assert!(
-            strengths[0] > 0.001 && strengths[2] < -0.001,
-            "{strengths:?}"
-        );
-        // The edge: 14 columns of gradient 4 * 255 out of 49, scaled by 1 / (4 * 7 * 255).
-        let trace: f32 = 14.0 / 49.0;
-        assert!(
-            (strengths[2] + 0.04 * trace * trace).abs() < 1e-6,
-            "{strengths:?}"
-        );
     }
 }

@@ -1,6 +1,8 @@
 //! Comparisons of intensities at pairs of places about a keypoint.
 
 #[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
 
 use super::Pixels;
@@ -38,9 +40,16 @@ pub fn compare_pairs(
 ) -> Vec<u64> {
     assert_eq!(centres.len(), turns.len(), "one turn for each centre");
     #[cfg(target_arch = "x86_64")]
-    if InstructionSet::in_use() >= InstructionSet::Avx512 {
+    match InstructionSet::in_use() {
         // SAFETY: what is in use was detected on this processor.
-        return unsafe { avx512::compare_pairs(pixels, centres, turns, pairs) };
+        InstructionSet::Avx512 | InstructionSet::Amx => {
+            return unsafe { avx512::compare_pairs(pixels, centres, turns, pairs) };
+        }
+        InstructionSet::Avx2 if avx2::are_in_reach(pixels, turns, pairs) => {
+            // SAFETY: as before, and all places are in reach.
+            return unsafe { avx2::compare_pairs(pixels, centres, turns, pairs) };
+        }
+        InstructionSet::Avx2 | InstructionSet::Portable => {}
     }
     compare_pair_by_pair(pixels, centres, turns, pairs)
 }
