@@ -49,7 +49,7 @@ pub struct PackedWindow {
 /// cell it lies in, and the shares of the sample that count there and in the next cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares {
-    /// Index of the cell.
+    /// Index of the cell, from the first to the last.
     pub cell: Vec<u8>,
     /// Shares in this cell and in the next.
     pub share: Vec<[f32; 2]>,
@@ -307,16 +307,24 @@ fn three_boxes<const L: usize>(ends: &[[&[u32]; 4]; 2], weights: &[f32; 3], x: u
 }
 
 /// Means over the columns of cells, rounded.
+///
+/// The sums of a cell and of the next stay in registers until its last sample: in memory, each would wait for the one
+/// before it.
 #[inline(always)]
 fn mean_columns(sums: &[f32; WINDOW_SIDE], shares: &Shares) -> [f32; PATCH_ROW] {
-    let mut means = [0.0; PATCH_ROW + 1];
-    for ((&cell, [here, next]), sum) in shares.cell.iter().zip(&shares.share).zip(sums) {
-        let cell = usize::from(cell).min(PATCH_SIDE);
-        means[cell] += here * sum;
-        means[cell + 1] += next * sum;
+    let mut means = [0.0; PATCH_ROW];
+    let mut samples = shares.cell.iter().zip(&shares.share).zip(sums).peekable();
+    let mut next_mean = 0.0;
+    for (cell, mean) in means[..PATCH_SIDE].iter_mut().enumerate() {
+        *mean = std::mem::take(&mut next_mean);
+        let is_here = |((of, _), _): &((&u8, _), _)| usize::from(**of) == cell;
+        while let Some(((_, [here, next]), sum)) = samples.next_if(is_here) {
+            *mean += here * sum;
+            next_mean += next * sum;
+        }
     }
     // Half up, as OpenCV rounds means of two by two.
-    std::array::from_fn(|i| (means[i] + 0.5) as i32 as f32)
+    means.map(|mean| (mean + 0.5) as i32 as f32)
 }
 
 #[inline(always)]
