@@ -107,6 +107,7 @@ mod sampling;
 mod sampson;
 mod scharr;
 mod search;
+mod simulate;
 #[cfg(target_arch = "x86_64")]
 mod sixteen;
 mod surf;
@@ -174,6 +175,7 @@ pub use search::{
     Prepared, TwoNearest, complete, near_rows, nearest_bits_among, two_nearest_among,
     two_nearest_bits, two_nearest_floats,
 };
+pub use simulate::{Turn, turn_row, weigh_rows_to_u8};
 pub use surf::{
     BoxRows, BoxWeights, PATCH_SIDE, PackedWindow, Shares, WAVELETS, WINDOW_SIDE, box_determinants,
     longest_sum_of_degrees, pack_window, sum_patch_gradients, turned_patch,

@@ -187,13 +187,13 @@ fn sample_block<const L: usize, P: Pixel>(
 
 /// `value` moved into `0..=last`; 0 if it is no number.
 #[inline(always)]
-fn within(value: f32, last: f32) -> f32 {
+pub(super) fn within(value: f32, last: f32) -> f32 {
     smaller(if value > 0.0 { value } else { 0.0 }, last)
 }
 
 /// The smaller of two numbers: one instruction, where `f32::min` asks whether they are numbers.
 #[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 

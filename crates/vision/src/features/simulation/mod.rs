@@ -14,13 +14,16 @@
 //! dropped if the image's border is nearer than 3 sqrt(2) times its size (6 sqrt(2) times its
 //! scale, as in the authors' program).
 
+mod seen;
+
 use nalgebra::{Matrix2, Point2, Vector2};
 use rayon::prelude::*;
 
 use super::keypoint::angle_of;
 use super::strongest;
 use super::{Descriptors, Extractor, Features, Keypoint, memory_of};
-use crate::image::{FloatImage, GrayImage, Size, shrink_u8};
+use crate::image::{GrayImage, Size, shrink_u8};
+use crate::simd::Turn;
 
 /// A simulated view: the image turned, then compressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,9 +87,9 @@ pub(super) fn views_memory<E: Extractor>(
         if view.tilt == 1.0 {
             return extractor.memory(size);
         }
-        // The turned image has pixels of four bytes, and is gone before features are found.
+        // What a view is made in is gone before features are found.
         let [turned, seen] = view.sizes(size);
-        seen.area() + extractor.memory(seen).max(4 * turned.area())
+        seen.area() + extractor.memory(seen).max(seen::memory(turned, view.tilt))
     };
     let largest = views.iter().map(of_view).max().unwrap_or(0);
     let at_once = rayon::current_num_threads().min(views.len());
@@ -178,8 +181,13 @@ pub(super) fn simulate(image: &GrayImage, view: SimulatedView) -> (GrayImage, Pl
     let SimulatedView { tilt, longitude } = view;
     let (sin, cos) = (libm::sin(longitude), libm::cos(longitude));
     let [turned, size] = view.sizes(image.size());
-    let turned = turn(image, turned, sin as f32, cos as f32);
-    let view = compress(&turned, size, tilt);
+    let turn = Turn {
+        sin: sin as f32,
+        cos: cos as f32,
+        from: centre(image.size()).into(),
+        to: centre(turned).into(),
+    };
+    let view = seen::see(image, &turn, [turned, size], tilt);
     let placement = Placement {
         image: image.size(),
         centres: [centre(image.size()), centre(size)],
@@ -192,70 +200,6 @@ fn centre(size: Size) -> Vector2<f32> {
     Vector2::new(size.width as f32 - 1.0, size.height as f32 - 1.0) / 2.0
 }
 
-/// The image turned about its centre, bilinear between its pixels.
-fn turn(image: &GrayImage, size: Size, sin: f32, cos: f32) -> FloatImage {
-    let mut turned = FloatImage::filled(size, 0.0);
-    if image.size().area() == 0 {
-        return turned;
-    }
-    let (from, to) = (centre(image.size()), centre(size));
-    let (last_x, last_y) = (image.width() - 1, image.height() - 1);
-    for y in 0..size.height {
-        let dy = y as f32 - to.y;
-        for (x, pixel) in turned.row_mut(y).iter_mut().enumerate() {
-            let dx = x as f32 - to.x;
-            let at_x = (cos * dx + sin * dy + from.x).clamp(0.0, last_x as f32);
-            let at_y = (cos * dy - sin * dx + from.y).clamp(0.0, last_y as f32);
-            let (x0, y0) = (at_x as usize, at_y as usize);
-            let (wx, wy) = (at_x - x0 as f32, at_y - y0 as f32);
-            let x1 = (x0 + 1).min(last_x);
-            let along = |row: &[u8]| {
-                let (first, second) = (f32::from(row[x0]), f32::from(row[x1]));
-                first + wx * (second - first)
-            };
-            let (above, below) = (along(image.row(y0)), along(image.row((y0 + 1).min(last_y))));
-            *pixel = above + wy * (below - above);
-        }
-    }
-    turned
-}
-
-/// Least blur before an axis is compressed, in pixels.
-const MIN_BLUR: f64 = 0.13;
-
-/// The image with its height compressed by `tilt`: each row is a Gaussian mean about its place.
-fn compress(image: &FloatImage, size: Size, tilt: f64) -> GrayImage {
-    let mut compressed = GrayImage::filled(size, 0);
-    if image.size().area() == 0 {
-        return compressed;
-    }
-    // Four of the least are half a pixel: each row has one of the image within reach.
-    let sigma = (0.8 * (tilt * tilt - 1.0).sqrt()).max(MIN_BLUR);
-    let offset = (image.height() as f64 - 1.0) / 2.0 - tilt * (size.height as f64 - 1.0) / 2.0;
-    let mut sums = vec![0.0_f32; size.width];
-    for y in 0..size.height {
-        let at = tilt * y as f64 + offset;
-        let first = (at - 4.0 * sigma).ceil() as isize;
-        let last = (at + 4.0 * sigma).floor() as isize;
-        let weight = |row: isize| {
-            let distance = (row as f64 - at) / sigma;
-            libm::exp(-0.5 * distance * distance)
-        };
-        let total: f64 = (first..=last).map(weight).sum();
-        sums.fill(0.5);
-        for row in first..=last {
-            let share = (weight(row) / total) as f32;
-            let row = row.clamp(0, image.height() as isize - 1) as usize;
-            for (sum, &value) in sums.iter_mut().zip(image.row(row)) {
-                *sum += share * value;
-            }
-        }
-        for (pixel, &sum) in compressed.row_mut(y).iter_mut().zip(&sums) {
-            *pixel = sum as u8;
-        }
-    }
-    compressed
-}
 /// A strip is shrunk until the square over its diagonal has at most so many times `max_pixels`. An image of 4 x 3 has two
 /// times its pixels in that square, one of 16 x 1 sixteen times.
 const STRIP: f64 = 16.0;
