@@ -7,10 +7,12 @@
 //! | `<a>/<b>/matches0`, `matches1` | index in the other image, -1 = none |
 //! | `<a>/<b>/matching_scores0`, `matching_scores1` | higher is better |
 //!
-//! In names of pairs `-` stands for the `/` of image names. The first pixel's centre is at 0.5.
+//! Which arrays are written is said to its program; `matches1` may be absent. In names of pairs `-` stands for the `/` of
+//! image names. The first pixel's centre is at 0.5.
 
 use std::path::{Path, PathBuf};
 
+use super::hloc;
 use super::names::PairName;
 use super::probe::{Content, Probe};
 use super::sparse::matched;
@@ -19,7 +21,7 @@ use crate::arrays::{Hdf5, Hdf5Out};
 
 pub(super) const GLUE_FACTORY: Format = Format {
     id: "glue-factory",
-    layout: "predictions.h5 with <a>/<b>/keypoints0, keypoints1, matches0, matches1",
+    layout: "predictions.h5 with <a>/<b>/keypoints0, keypoints1, matches0 and perhaps matches1",
     pixel_center: Some(CENTER),
     resized: false,
     recognises,
@@ -36,8 +38,7 @@ fn recognises(probe: &Probe) -> bool {
     let [(_, arrays)] = &files[..] else {
         return false;
     };
-    (["/keypoints0", "/matches0", "/matches1"].iter())
-        .all(|name| arrays.iter().any(|array| array.ends_with(name)))
+    hloc::has_numbers(arrays)
 }
 
 fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {

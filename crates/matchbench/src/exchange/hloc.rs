@@ -41,7 +41,12 @@ fn recognises(probe: &Probe) -> bool {
         return false;
     };
     match &files[..] {
-        [(_, arrays)] => has(arrays, "keypoints0") && !has(arrays, "matches1"),
+        [(_, arrays)] => {
+            let of_features = ["keypoint_scores0", "descriptors0"];
+            has(arrays, "keypoints0")
+                && !has_numbers(arrays)
+                && !of_features.iter().any(|name| has(arrays, name))
+        }
         [(_, one), (_, other)] => {
             has(one, "keypoints") && has(other, "matches0")
                 || has(other, "keypoints") && has(one, "matches0")
@@ -60,6 +65,13 @@ pub(super) fn lacks(arrays: &[String]) -> Option<&'static str> {
     } else {
         None
     }
+}
+
+/// Whether `matches0` of a file are numbers of its keypoints, as glue-factory writes them. hloc's dense files have such
+/// numbers too, those of keypoints in another file, but always beside `scores` of the points, which match row by row.
+pub(super) fn has_numbers(arrays: &[String]) -> bool {
+    let any = |name| has(arrays, name);
+    any("keypoints0") && any("matches0") && (any("matches1") || !any("scores"))
 }
 
 /// Whether a group has an array of that name.

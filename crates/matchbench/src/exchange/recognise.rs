@@ -91,6 +91,36 @@ mod tests {
     }
 
     #[test]
+    fn keypoints_of_a_pair_match_row_by_row_unless_their_numbers_are_there() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for (index, (others, format)) in [
+            (&[][..], Some("hloc")),
+            (&["scores"], Some("hloc")),
+            (&["scores", "matches0", "matching_scores0"], Some("hloc")),
+            (&["matches0"], Some("glue-factory")),
+            (&["matches0", "matching_scores0"], Some("glue-factory")),
+            (&["matches0", "keypoint_scores0"], Some("glue-factory")),
+            (&["matches0", "matches1", "scores"], Some("glue-factory")),
+            (&["keypoint_scores0"], None),
+            (&["descriptors0", "descriptors1"], None),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let path = folder.path().join(format!("{index}.h5"));
+            let mut out = Hdf5Out::default();
+            for name in ["keypoints0", "keypoints1"].iter().chain(others) {
+                out.integers(format!("one.png/two.png/{name}"), &[2, 2], &[0; 4]);
+            }
+            out.write(&path).expect("writable");
+            let paths = std::slice::from_ref(&path);
+            let probe = Probe::new(paths, "room").expect("it is of a known kind");
+            let found = format_of(&probe, None).ok().map(|found| found.id);
+            assert_eq!(found, format, "{others:?}");
+        }
+    }
+
+    #[test]
     fn what_a_file_has_is_said_in_a_few_words() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("0_1.npz");
