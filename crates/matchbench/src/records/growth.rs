@@ -33,11 +33,39 @@ pub(super) fn difference(written: &Plan, plan: &Plan) -> Option<String> {
     let mut plan = what_decides(&as_if, names_matchers);
     keep_known(&written, &mut plan);
     forget_commands(&mut written, &mut plan);
-    another_dataset(&written, &plan)
+    // Without these, items of both have the same places.
+    lost(&written, &plan, &["datasets", "matchers"], "")
+        .or_else(|| another_dataset(&written, &plan))
         .or_else(|| other_code(&written, &plan))
         .or_else(|| another_sample(old, new))
         .or_else(|| another_protocol(old, new))
+        .or_else(|| lost_of_items(&written, &plan))
         .or_else(|| first_difference(&written, &plan, ""))
+}
+
+/// Which item of these lists in what was `written` has no twin in `plan`, in words. Items are known by their names: what
+/// follows a lost one has another place.
+fn lost(written: &Value, plan: &Value, lists: &[&str], at: &str) -> Option<String> {
+    lists.iter().find_map(|list| {
+        let [known, planned] = [written, plan].map(|plan| plan.get(list)?.as_array());
+        let (mut known, planned) = (known?.iter().enumerate(), planned?);
+        let (index, lost) =
+            known.find(|(_, known)| planned.iter().all(|item| name(item) != name(known)))?;
+        Some(absent_here(&format!("{at}{list}[{index}]"), lost))
+    })
+}
+
+/// The same of the matchers of each dataset and the estimators of each matcher.
+fn lost_of_items(written: &Value, plan: &Value) -> Option<String> {
+    [("datasets", "matchers"), ("matchers", "estimators")]
+        .into_iter()
+        .find_map(|(list, inner)| {
+            let [known, planned] = [written, plan].map(|plan| plan.get(list)?.as_array());
+            let mut items = known?.iter().zip(planned?).enumerate();
+            items.find_map(|(index, (known, planned))| {
+                lost(known, planned, &[inner], &format!("{list}[{index}]."))
+            })
+        })
 }
 
 /// Whether tasks of `plan` come between those of the plan that was `written` and that grew to it.
@@ -261,13 +289,14 @@ pub(super) fn first_difference(written: &Value, plan: &Value, at: &str) -> Optio
 fn missing_or_different(written: Option<&Value>, plan: Option<&Value>, at: &str) -> Option<String> {
     match (written, plan) {
         (Some(written), Some(plan)) => first_difference(written, plan, at),
-        (Some(written), None) => Some(format!(
-            "`{at}` is {} there and absent here",
-            brief(written)
-        )),
+        (Some(written), None) => Some(absent_here(at, written)),
         (None, Some(plan)) => Some(format!("`{at}` is absent there and {} here", brief(plan))),
         (None, None) => None,
     }
+}
+
+fn absent_here(at: &str, written: &Value) -> String {
+    format!("`{at}` is {} there and absent here", brief(written))
 }
 
 /// A value; what is null in a plan is no limit.

@@ -245,3 +245,36 @@ fn another_protocol_alone_is_refused_with_the_way_to_have_both() {
         "{message}"
     );
 }
+
+#[test]
+fn what_a_run_would_lose_is_named_wherever_it_stands() {
+    let mut bench = Bench::new(two_by_two());
+    bench.run("run").unwrap();
+    let refused = |bench: &Bench, named: &str| {
+        let message = bench.run("run").unwrap_err().to_string();
+        assert!(message.contains(named), "{message}");
+    };
+    let bright = bench.contenders.remove(0);
+    refused(&bench, "`matchers[0]` is `bright` there and absent here");
+    let others = Toy::default().contender("other", &["first"]);
+    bench.contenders.insert(0, others);
+    set_threshold(&mut bench.contenders[1], 65);
+    refused(&bench, "`matchers[0]` is `bright` there and absent here");
+    set_threshold(&mut bench.contenders[1], 140);
+    bench.contenders[0] = Toy::default().contender("bright", &["second"]);
+    refused(
+        &bench,
+        "`matchers[0].estimators[0]` is `first` there and absent here",
+    );
+    bench.contenders[0] = bright;
+    let first = bench.datasets.remove(0);
+    refused(
+        &bench,
+        &format!(
+            "`datasets[0]` is `{}` there and absent here",
+            first.sequence.name
+        ),
+    );
+    bench.datasets.push(first);
+    assert!(bench.run("run").unwrap().is_complete());
+}
