@@ -264,4 +264,15 @@ fn runs_of_other_repetitions_are_compared_in_what_both_have_and_say_so() {
     let expected = "note: orb with ransac-e on wall has 1 repetition in 1 and 3 repetitions in 3; those that both have \
                     are compared";
     assert_eq!(note.trim_end(), expected);
+    // Of two methods each is named.
+    let other = ["run", "wall", "--matchers", "brisk", "--out", "other"];
+    succeeds(folder, &other);
+    let said = go(
+        folder,
+        &["compare", "3", "other", "--matchers", "orb,brisk"],
+    );
+    let note = String::from_utf8_lossy(&said.stderr);
+    let expected = "note: orb with ransac-e on wall has 3 repetitions in 3 and brisk with ransac-e on wall has 1 repetition in \
+                    other; those that both have are compared";
+    assert_eq!(note.trim_end(), expected);
 }

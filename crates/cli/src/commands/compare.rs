@@ -68,20 +68,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         warn_of_missing(run, set);
     }
     for row in &rows {
-        let [before, after] = row.sets;
-        if before.repetitions != after.repetitions {
-            let times = row.sets.map(|set| counted(set.repetitions, "repetition"));
-            say!(
-                "note: {} with {} on {} has {} in {} and {} in {}; those that both have are compared",
-                after.matcher,
-                after.estimator,
-                after.dataset,
-                times[0],
-                runs[0].display(),
-                times[1],
-                runs[1].display()
-            );
-        }
+        warn_of_repetitions(runs, row);
     }
     for row in &rows {
         let [before, after] = row.names(runs, !args.matchers.is_empty());
@@ -115,6 +102,27 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
         write_page(out, args, runs, &rows)?;
     }
     Ok(Ending::Done)
+}
+
+/// Says how many repetitions each side has, if they have not the same.
+fn warn_of_repetitions(runs: [&PathBuf; 2], row: &Row<'_>) {
+    let [before, after] = row.sets;
+    if before.repetitions == after.repetitions {
+        return;
+    }
+    let called =
+        |set: &ResultSet| format!("{} with {} on {}", set.matcher, set.estimator, set.dataset);
+    let has = |side: usize| {
+        let times = counted(row.sets[side].repetitions, "repetition");
+        format!("{times} in {}", runs[side].display())
+    };
+    let first = format!("{} has {}", called(before), has(0));
+    let second = if called(before) == called(after) {
+        has(1)
+    } else {
+        format!("{} has {}", called(after), has(1))
+    };
+    say!("note: {first} and {second}; those that both have are compared");
 }
 
 /// Writes the page of the pairs where they differ most.
