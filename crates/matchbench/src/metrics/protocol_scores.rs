@@ -199,15 +199,9 @@ fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<S
         if made.centres != protocol.centres && protocol.centres == Centres::Scaled {
             found.push("points were kept where they are when sizes change".to_owned());
         }
-        let least = |of: &Protocol| [of.min_matches, of.min_inliers, of.min_support];
-        if least(made) != least(protocol) {
-            let text = |least: [usize; 3]| {
-                let [matches, inliers, support] = least;
-                format!(
-                    "{matches} matches, {inliers} inliers or {support} in front of both cameras"
-                )
-            };
-            let (theirs, ours) = (text(least(made)), text(least(protocol)));
+        let [theirs, ours] = [made, protocol].map(Protocol::least_in_words);
+        if theirs != ours {
+            let [theirs, ours] = [theirs, ours].map(|least| least.join(" or "));
             found.push(format!("a pair failed below {theirs}, not below {ours}"));
         }
     }
@@ -449,6 +443,7 @@ mod tests {
             "poses are by ransac-e, not by ransac-e-inliers",
             "thresholds were in pixels of the images as they are",
             "below 20 matches",
+            "a pair failed below 20 matches or 10 in front of both cameras, not below 5 matches",
             "1 estimation of each pair was pooled, not 5",
         ] {
             assert!(said.contains(text), "{text}: {said}");

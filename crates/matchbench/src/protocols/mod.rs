@@ -293,12 +293,12 @@ impl Protocol {
         format!("{pixels} over {focal}")
     }
 
-    fn failure_in_words(&self) -> String {
+    /// What a pair must have at least, or it failed.
+    pub(crate) fn least_in_words(&self) -> Vec<String> {
         let Self {
             min_matches,
             min_inliers,
             min_support,
-            failure,
             ..
         } = self;
         let mut least = vec![format!("{min_matches} matches")];
@@ -308,7 +308,12 @@ impl Protocol {
         if *min_support > 1 {
             least.push(format!("{min_support} in front of both cameras"));
         }
-        let text = format!("with fewer than {}", least.join(", "));
+        least
+    }
+
+    fn failure_in_words(&self) -> String {
+        let failure = self.failure;
+        let text = format!("with fewer than {}", self.least_in_words().join(", "));
         if failure.is_finite() {
             text + &format!("; its error is {failure} degrees")
         } else {
