@@ -244,7 +244,10 @@ pub(super) fn untimed(content: &Content, overview: &Overview<'_>, column: usize)
         (matchers.into_iter()).partition(|matcher| content.outside.contains_key(*matcher));
     let reasons = [
         ("features came from the cache", own),
-        ("they come from elsewhere and tell none", outside),
+        (
+            "they come from elsewhere and do not tell that of an image or of a search",
+            outside,
+        ),
     ];
     let reasons: Vec<String> = (reasons.into_iter())
         .filter(|(_, matchers)| !matchers.is_empty())

@@ -144,7 +144,7 @@ fn matchers_with_the_same_features_share_their_detection() {
     assert!(render(&content).contains(untimed));
     let outside = [("gms-s".to_owned(), "from files".to_owned())];
     content.outside = outside.into();
-    let untimed = "Without a time, since they come from elsewhere and tell none: gms-s.";
+    let untimed = "Without a time, since they come from elsewhere and do not tell that of an image or of a search: gms-s.";
     assert!(render(&content).contains(untimed));
     for matcher in ["gms", "gms-s"] {
         let features = "orb-budget".to_owned();
