@@ -3,6 +3,7 @@
 //! The message of a refusal names the argument, its dtype and shape, and what is expected. Pixels, points and
 //! descriptors are copied once, into the types of the library.
 
+use matchbench::counted::counted;
 use matchbench::datasets::{check_size, gray_of_rgb};
 use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 use matchbench_vision::image::{GrayImage, Size};
@@ -14,6 +15,7 @@ use numpy::{
 };
 use pyo3::exceptions::{PyIndexError, PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
 
 use crate::errors::value_error;
 
@@ -476,12 +478,20 @@ fn refused_with(value: &Bound<'_, PyAny>, name: &str, expected: &str, remedy: &s
 
 /// The type of a value, for messages.
 pub(crate) fn kind_of(value: &Bound<'_, PyAny>) -> String {
-    match value.cast::<PyUntypedArray>() {
-        Ok(array) => format!(
+    if let Ok(array) = value.cast::<PyUntypedArray>() {
+        return format!(
             "an array of {} with shape {:?}",
             array.dtype(),
             array.shape()
-        ),
-        Err(_) => format!("a value of type {}", value.get_type()),
+        );
+    }
+    let kind = value.get_type();
+    let name = kind.name();
+    let name = name.map_or_else(|_| kind.to_string(), |name| name.to_string());
+    // A list may be right but for its length.
+    let is_list = value.is_instance_of::<PyTuple>() || value.is_instance_of::<PyList>();
+    match value.len() {
+        Ok(count) if is_list => format!("a {name} of {}", counted(count, "value")),
+        _ => format!("a value of type {name}"),
     }
 }

@@ -28,7 +28,7 @@ use pyo3::call::PyCallArgs;
 use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::{column, few, points};
+use crate::arrays::{column, few, kind_of, points};
 use crate::datasets::{pixels, rgb_pixels};
 use crate::matchers::Matches;
 use crate::params::parse;
@@ -247,7 +247,7 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
             return Err(PyTypeError::new_err(format!(
                 "a matcher returns (points_a, points_b) or (points_a, points_b, ambiguity), m x 2 each and \
                  m; this one returned {}",
-                answer.get_type()
+                kind_of(answer)
             )));
         }
     };

@@ -415,6 +415,17 @@ def test_what_is_no_real_number_is_refused():
             mb.estimator("best").estimate(points, points, camera, camera, ambiguity=other[:, 0])
 
 
+def test_a_list_of_the_wrong_length_is_told_by_its_length():
+    camera = mb.Camera(100, 100, 50, 50)
+    points, best = np.zeros((30, 2)), mb.estimator("best")
+    with pytest.raises(TypeError, match="`ambiguity` must be an array of 30 numbers; this is a list of 20 values$"):
+        best.estimate(points, points, camera, camera, ambiguity=[0.5] * 20)
+    with pytest.raises(TypeError, match="`points_a` must be .* a tuple of 2 values$"):
+        best.estimate(([1, 2], [3]), points, camera, camera)
+    with pytest.raises(TypeError, match="`points_a` must be .* a value of type int$"):
+        best.estimate(7, points, camera, camera)
+
+
 def test_a_homography_is_found_among_wrong_matches():
     truth = np.array([[0.9, 0.1, 20.0], [-0.1, 1.1, 5.0], [1e-4, -1e-4, 1.0]])
     rng = np.random.default_rng(0)

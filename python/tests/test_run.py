@@ -106,6 +106,8 @@ def test_a_matcher_that_breaks_costs_its_pairs_and_is_tried_again(dataset, tmp_p
     answers = {
         "out of luck": broken,
         "a matcher returns": lambda a, b: 7,
+        "this one returned a tuple of 4 values": lambda a, b: ([1], [2], [3], [4]),
+        "this one returned an array of float64 with shape [5, 4]": lambda a, b: np.zeros((5, 4)),
         "points_b": lambda a, b: (np.zeros((3, 2)), np.zeros((3, 3))),
         "3 points in a, 2 in b": lambda a, b: (np.zeros((3, 2)), np.zeros((2, 2))),
         "ambiguity": lambda a, b: (np.zeros((1, 2)), np.zeros((1, 2)), np.array([2.0])),
