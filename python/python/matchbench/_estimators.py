@@ -1,5 +1,7 @@
 """Estimators by name: matched points in, a relative pose or a homography out."""
 
+from __future__ import annotations
+
 import json
 from typing import Any
 

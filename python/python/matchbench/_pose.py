@@ -1,5 +1,7 @@
 """Relative pose by PoseLib's function, computed by the estimator that we recommend."""
 
+from __future__ import annotations
+
 import numbers
 import operator
 from collections.abc import Mapping
