@@ -123,6 +123,8 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         if "scales" in more:
             more["scales"] = more["scales"] * np.float32(image.scale[0])
         points = image.original(points).astype("<f4")
+        if len(points) == 0:  # OpenCV has None instead of descriptors; any length will do
+            descriptors = np.zeros((0, 1), np.uint8)
         with open(request["out"], "wb") as out:
             np.savez(out, keypoints=points, descriptors=descriptors, **more)
         return dict(type="described", image=request["image"], count=len(points))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matchbench as mb
 import numpy as np
 
 ADAPTERS = Path(__file__).parents[2] / "adapters"
@@ -42,3 +43,47 @@ def test_a_matcher_that_reads_standard_input_takes_no_request(tmp_path: Path) ->
     assert done.stderr.count("found nothing") == 2
     for b in (1, 2):
         assert np.fromfile(tmp_path / f"{b}.f32", "<f4").tolist() == [1, 2, 3, 4, 0]
+
+
+FEATURES = f"""
+import sys
+import numpy as np
+sys.path.insert(0, {str(ADAPTERS)!r})
+from matchbench_serve import serve
+
+
+def describe(image, params):
+    if "0000" in image.path:
+        return [], None  # as OpenCV has it
+    rng = np.random.default_rng(0)
+    return rng.uniform(0, 200, (30, 2)), rng.uniform(size=(30, 8)).astype(np.float32)
+
+
+serve(describe=describe)
+"""
+MANIFEST = """
+name = "described"
+summary = ""
+reference = ""
+command = [{python}, "described.py"]
+kind = "features"
+
+[matching]
+hamming = {hamming}
+"""
+
+
+def test_an_image_without_features_has_no_matches_and_breaks_nothing(dataset: mb.Dataset, tmp_path: Path) -> None:
+    manifest = tmp_path / "described.toml"
+    for hamming in (False, True):
+        bits = ".view(np.uint8)" if hamming else ""
+        script = FEATURES.replace(".astype(np.float32)", ".astype(np.float32)" + bits)
+        (tmp_path / "described.py").write_text(script)
+        manifest.write_text(MANIFEST.format(python=json.dumps(sys.executable), hamming=str(hamming).lower()))
+        run = mb.run(dataset, manifest, "best", out=tmp_path / f"run-{hamming}", progress=False)
+        assert run.is_complete and run.failed == 0
+        (records,) = run.path.glob("records/*/*.jsonl")
+        counts = [json.loads(line)["counts"] for line in records.read_text().splitlines()]
+        assert {each["features_b"] for each in counts} == {30}
+        assert {each["features_a"] for each in counts} >= {0}
+        assert all(each["selected"] == 0 for each in counts if each["features_a"] == 0)

@@ -185,7 +185,8 @@ impl PointSource for Described {
         let (a, times_a) = self.features(pair.images[0])?;
         let (b, times_b) = self.features(pair.images[1])?;
         let (kind_a, kind_b) = (a.descriptors.kind(), b.descriptors.kind());
-        if kind_a != kind_b {
+        // Whoever found nothing need not know how long a descriptor is.
+        if kind_a != kind_b && !a.is_empty() && !b.is_empty() {
             let reason = format!("its descriptors changed from {kind_a} to {kind_b}");
             return Err(SourceError::Pair(reason));
         }

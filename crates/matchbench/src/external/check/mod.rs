@@ -356,9 +356,15 @@ fn tiny(external: &External, kind: Kind, folder: &Path) -> Result<Finding, Datas
         Err(Breakdown::Said(reason)) => good(format!(
             "images of {TINY} pixels: it says that it cannot ({reason})"
         )),
-        Err(breakdown) => wrong(format!(
-            "images of {TINY} pixels: {breakdown}; answer no matches, or `failed`"
-        )),
+        Err(breakdown) => {
+            let none = match kind {
+                Kind::Features(_) => "features",
+                Kind::Matches => "matches",
+            };
+            wrong(format!(
+                "images of {TINY} pixels: {breakdown}; answer no {none}, or `failed`"
+            ))
+        }
     })
 }
 
