@@ -30,7 +30,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::config::find;
+use crate::config::{find, with_suggestion};
 
 /// The only key of a setting that is not a parameter of the child.
 const MATCHING: &str = "matching";
@@ -197,8 +197,8 @@ impl Manifest {
     pub fn parse(path: &Path, text: &str, built_in: &BuiltIn) -> Result<Self, ManifestError> {
         let source = Source { path, text };
         let file: Text = toml::from_str(text).map_err(|error| {
-            let remedy = "correct this line; the head of a manifest of `adapters` shows all keys";
-            let what = error.message().replace('\n', ", ");
+            let remedy = "correct this line; docs/matchers.md shows all keys";
+            let what = with_suggestion(&error.message().replace('\n', ", "));
             source.error(error.span().map(|span| span.start), what, remedy)
         })?;
         source.check_name(&file.name, built_in)?;
@@ -284,8 +284,12 @@ impl Manifest {
             merge(&mut table, change);
             *matching = serde_json::from_value(table).map_err(|error| {
                 refused(
-                    format!("--set {}.matching: {error}", self.name),
-                    "there are `ratio`, `mutual` and `hamming`",
+                    format!(
+                        "--set {}.matching: {}",
+                        self.name,
+                        with_suggestion(&error.to_string())
+                    ),
+                    "correct this setting",
                 )
             })?;
             matching

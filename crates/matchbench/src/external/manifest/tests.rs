@@ -30,6 +30,11 @@ fn what_is_left_out_has_its_default() {
 fn what_cannot_be_is_named_with_its_line() {
     for (text, line, named) in [
         ("name = 'x'\ncommand = ['a']\ncolour = 3\n", 3, "colour"),
+        (
+            "name = 'x'\ncommand = ['a']\ntimeuot_s = 3\n",
+            3,
+            "did you mean `timeout_s`?",
+        ),
         ("name = 'X y'\ncommand = ['a']\n", 1, "X y"),
         ("name = 'all'\ncommand = ['a']\n", 1, "all"),
         ("\nname = 'sift'\ncommand = ['a']\n", 2, "sift"),
@@ -118,6 +123,15 @@ fn the_matching_of_features_is_set_apart_from_parameters() {
         let error = manifest.clone().with(&json!({"matching": wrong}));
         assert!(error.is_err(), "{wrong}");
     }
+    let misspelt = manifest.clone().with(&json!({"matching": {"ratoi": 0.8}}));
+    let said = misspelt.unwrap_err().to_string();
+    assert!(
+        said.ends_with(
+            "unknown field `ratoi` (did you mean `ratio`?), expected one of `ratio`, `mutual`, `hamming`; correct this \
+             setting"
+        ),
+        "{said}"
+    );
     for params in [
         "matching = 3",
         "at = 2020-01-01",
