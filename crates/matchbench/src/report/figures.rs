@@ -18,6 +18,8 @@ use super::svg::{
 };
 use super::words::together;
 
+/// Pixels within which matches are counted for the number beside a curve of matching accuracy.
+const ACCURACY_PX: usize = 3;
 /// Number of groups into which the pairs of a dataset are divided by difficulty.
 const STRATA: usize = 4;
 
@@ -337,7 +339,11 @@ pub(super) fn sp_figure(
                 others: Vec::new(),
                 name: &row.label,
                 values: curve.values().to_vec(),
-                number: curve.auc(),
+                // Of homographies it is no mean of the curve but an area up to 3 px.
+                number: match model {
+                    Model::Pose => curve.auc(),
+                    Model::Homography => summary.auc().value.unwrap_or(f64::NAN),
+                },
             })
         })
         .collect();
@@ -388,12 +394,14 @@ pub(super) fn accuracy_figure(
                 series,
                 others: (same.map(|row| row.series).filter(|&other| other != series)).collect(),
                 name,
-                number: values.iter().sum::<f64>() / values.len() as f64,
+                number: values[ACCURACY_PX - 1],
                 values,
             }
         })
         .collect();
-    let title = format!("Mean matching accuracy: {}", named(overview, column));
+    let dataset = overview.datasets[column];
+    let basis = accuracy_basis(overview, column);
+    let title = format!("Mean matching accuracy: {dataset} ({basis})");
     let axes = Axes {
         x: "distance threshold (pixels)",
         unit: " px",
@@ -406,7 +414,12 @@ pub(super) fn accuracy_figure(
     (!curves.is_empty()).then(|| sp_curves(target, &title, &axes, &curves))
 }
 
-/// Number, name and mean matching accuracy within 1, 2, ... 10 pixels of each matcher, the best first. A
+/// What the numbers of the matching accuracy are, for its title. They depend on no estimator.
+pub(super) fn accuracy_basis(overview: &Overview<'_>, column: usize) -> String {
+    format!("{}, MMA at {ACCURACY_PX} px", overview.pairs(column))
+}
+
+/// Number, name and mean matching accuracy within 1, 2, ... 10 pixels of each matcher, the best within 3 pixels first. A
 /// matcher is listed once, whatever its estimators. Matchers whose accuracy is not known are left out.
 pub(super) fn accuracies<'a>(
     overview: &'a Overview<'_>,
@@ -423,8 +436,8 @@ pub(super) fn accuracies<'a>(
             Some((row.series, row.matcher, values))
         })
         .collect();
-    let sum = |values: &[f64]| values.iter().sum::<f64>();
-    rows.sort_by(|(_, _, one), (_, _, other)| sum(other).total_cmp(&sum(one)));
+    let number = |values: &[f64]| values[ACCURACY_PX - 1];
+    rows.sort_by(|(_, _, one), (_, _, other)| number(other).total_cmp(&number(one)));
     rows
 }
 
@@ -472,6 +485,7 @@ pub(super) fn ap_figure(overview: &Overview<'_>, column: usize, target: Target) 
 #[cfg(test)]
 mod tests {
     use super::super::RunFacts;
+    use super::super::numbers::ratio;
     use super::super::tests::{homography_results, results};
     use super::*;
 
@@ -526,6 +540,19 @@ mod tests {
     }
 
     #[test]
+    fn the_numbers_beside_corner_errors_are_those_of_the_table() {
+        let sets = vec![homography_results("wall", "sift", 2.0)];
+        let content = Content::new(sets, RunFacts::default());
+        let overview = Overview::new(&content.summaries);
+        let svg = sp_figure(&overview, 0, Angle::Pose, Target::File).expect("it is known");
+        let summary = &content.summaries[0];
+        let auc = ratio(summary.auc().value.expect("it is known"));
+        assert!(svg.contains("AUC at 3 px)") && svg.contains(&format!(">{auc}<")));
+        let mean = ratio(summary.corner_sp.auc());
+        assert!(auc != mean && !svg.contains(&format!(">{mean}<")), "{auc}");
+    }
+
+    #[test]
     fn the_accuracy_of_matches_is_switched_by_every_estimator_of_its_matcher() {
         let mut sets = vec![
             homography_results("wall", "sift", 1.0),
@@ -539,6 +566,9 @@ mod tests {
         let content = Content::new(sets, RunFacts::default());
         let overview = Overview::new(&content.summaries);
         let svg = accuracy_figure(&overview, 0, Target::Page).expect("it is known");
+        let accuracy = content.summaries[0].scores.get("mma3").value;
+        let accuracy = ratio(accuracy.expect("it is known"));
+        assert!(svg.contains(&accuracy) && svg.contains(", MMA at 3 px)"));
         for matcher in ["sift", "orb"] {
             let rows = overview.rows.iter().filter(|row| row.matcher == matcher);
             let series: Vec<String> = rows.map(|row| row.series.to_string()).collect();

@@ -39,7 +39,8 @@ use super::again::Again;
 use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
-    accuracy_figure, ap_figure, ap_panel_figure, lead_figure, sp_figure, time_figure, untimed,
+    accuracy_basis, accuracy_figure, ap_figure, ap_panel_figure, lead_figure, sp_figure,
+    time_figure, untimed,
 };
 use super::method;
 use super::numbers::{self, interval};
@@ -138,9 +139,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         curves => curves(&overview),
         panels => panels(&overview),
         bars => bars(&overview),
-        accuracies => figures(&overview, |column| {
-            accuracy_figure(&overview, column, Target::Page)
-        }),
+        accuracies => accuracies(&overview),
         leads => figures(&overview, |column| {
             lead_figure(content, &overview, column, Target::Page)
         }),
@@ -402,6 +401,19 @@ fn panels(overview: &Overview<'_>) -> Vec<Value> {
 
 fn bars(overview: &Overview<'_>) -> Vec<Value> {
     figures(overview, |column| ap_figure(overview, column, Target::Page))
+}
+
+fn accuracies(overview: &Overview<'_>) -> Vec<Value> {
+    (overview.datasets.iter().enumerate())
+        .filter_map(|(column, dataset)| {
+            let svg = accuracy_figure(overview, column, Target::Page)?;
+            let (svg, basis) = (
+                Value::from_safe_string(svg),
+                accuracy_basis(overview, column),
+            );
+            Some(context! { dataset => *dataset, basis, svg })
+        })
+        .collect()
 }
 
 /// One figure for each dataset that has one.
