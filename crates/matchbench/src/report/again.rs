@@ -165,21 +165,23 @@ impl Again {
             }
         }
         line("");
-        for command in self.all.iter().chain(&self.finish()) {
+        let of_all: Vec<String> = self.all.iter().cloned().chain(self.finish()).collect();
+        for command in &of_all {
             line(command);
         }
-        line("");
+        if !of_all.is_empty() {
+            line("");
+        }
         line("# One method alone; each in a folder of its own:");
         for dataset in &self.datasets {
             for cell in &dataset.cells {
                 let CellAgain { method, run, note } = cell;
-                let what = run.as_deref().unwrap_or_default();
-                let more = if note.is_empty() {
-                    String::new()
-                } else {
-                    format!("  ({note})")
+                let what = match run {
+                    None => format!(": {note}"),
+                    Some(run) if note.is_empty() => format!(": {run}"),
+                    Some(run) => format!("  ({note}): {run}"),
                 };
-                line(&format!("# {}, {method}{more}: {what}", dataset.name));
+                line(&format!("# {}, {method}{what}", dataset.name));
             }
         }
         text
@@ -480,6 +482,7 @@ mod tests {
         let told = "# Not computed: the run of all methods on kitchen with its table and its report, since";
         assert!(script.contains(head) && script.contains(told), "{script}");
         assert!(!script.contains("\nmatchbench run"), "{script}");
+        assert!(!script.contains("\n\n\n"), "{script}");
         let alone = again.datasets[0].cells[1].run.as_deref();
         assert!(alone.is_some_and(|run| run.contains("b=MATCHES/b/kitchen")));
         let dataset = |name: &str| DatasetAgain {
@@ -502,6 +505,21 @@ mod tests {
             .script()
         };
         assert!(script(false).contains("to the last digit"));
+        let mut coded = Again::default();
+        coded.datasets.push(DatasetAgain {
+            name: "room".into(),
+            cells: vec![CellAgain {
+                method: "mine + best".into(),
+                run: None,
+                note: "needs its code".into(),
+            }],
+            ..DatasetAgain::default()
+        });
+        let script_of_code = coded.script();
+        assert!(
+            script_of_code.ends_with("\n# room, mine + best: needs its code\n"),
+            "{script_of_code}"
+        );
         let limited = script(true);
         assert!(!limited.contains("to the last digit"), "{limited}");
         assert!(limited.contains("only if machines are equally fast"));

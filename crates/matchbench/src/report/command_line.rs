@@ -436,7 +436,8 @@ fn from_files(
 /// The options, but for the format, by which files are read as they were understood.
 fn way_of_reading(files: &Value) -> Option<CommandLine> {
     let mut line = CommandLine(Vec::new());
-    line.push("--pixel-center", files["pixel_center"].to_string());
+    let center = files["pixel_center"].as_f64()?;
+    line.push("--pixel-center", center.to_string());
     if let Some([width, height]) = files["resized"].as_array().map(Vec::as_slice) {
         line.push("--resized", format!("{width}x{height}"));
     }

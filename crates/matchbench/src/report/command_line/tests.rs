@@ -214,6 +214,9 @@ fn several_sources_of_files_are_one_command_where_they_are_read_alike() {
     assert!(said.starts_with(&format!("{both} {read}")), "{said}");
     plan.matchers[1].params["datasets"][0]["pixel_center"] = json!(0.0);
     assert_eq!(line(&plan), None);
+    plan.matchers[0].params["datasets"][0]["pixel_center"] = json!(0.0);
+    let said = line(&plan).expect("one command can");
+    assert!(said.contains(" --pixel-center 0 "), "{said}");
     plan.matchers.remove(1);
     let mut more = plan.matchers[0].params["datasets"][0].clone();
     more["name"] = json!("it's");
