@@ -15,7 +15,7 @@ use serde::{Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 pub use changes::{Changes, parse_value};
-pub(crate) use names::with_suggestion;
+use names::with_suggestion;
 pub use names::{UnknownName, find};
 #[cfg(test)]
 pub(crate) use parameters::check_explained;
@@ -72,13 +72,7 @@ fn refusal<P: DeserializeOwned>(
     error: &serde_json::Error,
 ) -> ConfigError {
     let culprit = culprit::<P>(config).map_or_else(String::new, |name| format!("`{name}`: "));
-    ConfigError::new(
-        id,
-        format!(
-            "{culprit}{}",
-            with_suggestion(&in_plain_words(&error.to_string()))
-        ),
-    )
+    ConfigError::new(id, format!("{culprit}{}", readable(&error.to_string())))
 }
 
 /// The name of the first parameter, at any depth, that is refused by itself for its type or its size, which the error
@@ -117,6 +111,11 @@ fn collect_leaves<'a>(
     }
 }
 
+/// An error of serde as users read it: without types of Rust, and with the name that was probably meant.
+pub(crate) fn readable(error: &str) -> String {
+    with_suggestion(&in_plain_words(error))
+}
+
 /// An error of serde, with the types of Rust as users call them.
 fn in_plain_words(error: &str) -> String {
     let Some((said, wanted)) = error.rsplit_once("expected ") else {
@@ -126,7 +125,9 @@ fn in_plain_words(error: &str) -> String {
         "f32" | "f64" => "a number",
         "u8" => "a whole number, 0 to 255",
         "u32" | "u64" | "usize" => "a whole number, 0 or more",
+        "a nonzero u32" | "a nonzero usize" => "a whole number, 1 or more",
         "a boolean" => "true or false",
+        "a sequence" => "a list",
         other => other,
     };
     format!("{said}expected {wanted}")

@@ -30,7 +30,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::config::{find, with_suggestion};
+use crate::config::{find, readable};
 
 /// The only key of a setting that is not a parameter of the child.
 const MATCHING: &str = "matching";
@@ -198,7 +198,7 @@ impl Manifest {
         let source = Source { path, text };
         let file: Text = toml::from_str(text).map_err(|error| {
             let remedy = "correct this line; docs/matchers.md shows all keys";
-            let what = with_suggestion(&error.message().replace('\n', ", "));
+            let what = readable(&error.message().replace('\n', ", "));
             source.error(error.span().map(|span| span.start), what, remedy)
         })?;
         source.check_name(&file.name, built_in)?;
@@ -287,7 +287,7 @@ impl Manifest {
                     format!(
                         "--set {}.matching: {}",
                         self.name,
-                        with_suggestion(&error.to_string())
+                        readable(&error.to_string())
                     ),
                     "correct this setting",
                 )

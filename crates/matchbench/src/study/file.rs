@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::error::CORRECT;
 use super::{Study, StudyError};
-use crate::config::with_suggestion;
+use crate::config::readable;
 use crate::datasets::{PairRule, RENDERED};
 use crate::external::Manifest;
 use crate::files::read_text;
@@ -45,7 +45,7 @@ impl Study {
         let wrong = |error: toml::de::Error| StudyError::File {
             file: file.to_path_buf(),
             line: error.span().map(|span| line_of(text, span.start)),
-            what: with_suggestion(&error.message().replace('\n', ", ")),
+            what: readable(&error.message().replace('\n', ", ")),
             remedy: CORRECT,
         };
         let mut study: Self = toml::from_str(text).map_err(wrong)?;
@@ -155,7 +155,12 @@ mod tests {
             ("estimators = ['ransac']\n", 1, "ransac-e"),
             ("seed = -1\n", 1, "-1"),
             ("repeat = 0\n", 1, "0"),
+            ("repeat = 'x'\n", 1, "expected a whole number, 1 or more"),
             ("limit = 0\n", 1, "0"),
+            ("limit = 1.5\n", 1, "expected a whole number, 1 or more"),
+            ("seed = 'x'\n", 1, "expected a whole number, 0 or more"),
+            ("matchers = 'sift'\n", 1, "expected a list"),
+            ("report = 1\n", 1, "expected true or false"),
             ("sample = 0\n", 1, "0"),
             ("protocols = ['superglu']\n", 1, "superglue"),
             ("seed = 1\n[set]\nsift.ratoi = 0.7\n", 3, "ratoi"),
