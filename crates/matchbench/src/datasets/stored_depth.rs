@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use image::DynamicImage;
+use image::codecs::pnm::PnmDecoder;
+use image::{DynamicImage, ImageFormat};
 use matchbench_vision::image::{Image, Size};
 
 use super::decode::with_other;
@@ -13,6 +14,8 @@ use crate::memory::reserve;
 
 /// The array with the depth in an HDF5 file, as MegaDepth has it.
 const ARRAY: &str = "depth";
+/// The largest value of a PGM that has 16 bits and is not scaled.
+const FULL: u32 = 0xffff;
 
 /// The values of a depth image.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,15 +97,31 @@ impl StoredDepth {
 /// # Errors
 /// If they are not a complete image of one 16-bit value per pixel.
 pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
+    check_largest(bytes)?;
     with_other(bytes, 0, |size, image, _| match image {
         DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
         other => Err(DecodeError::NoDepth(format!("{:?}", other.color()))),
     })
 }
 
+/// Refuses a PGM with another largest value than 65535, since its decoder would scale what is stored up to that.
+fn check_largest(bytes: &[u8]) -> Result<(), DecodeError> {
+    if !matches!(image::guess_format(bytes), Ok(ImageFormat::Pnm)) {
+        return Ok(());
+    }
+    // What is wrong with a header shows when it is decoded.
+    let header = PnmDecoder::new(bytes).map(|decoder| decoder.into_inner().1);
+    match header.map_or(FULL, |header| header.maximal_sample()) {
+        FULL => Ok(()),
+        other => Err(DecodeError::NoDepth(format!(
+            "the largest value is {other} by its header, not {FULL}"
+        ))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use image::{ExtendedColorType, ImageFormat};
+    use image::ExtendedColorType;
 
     use super::*;
     use crate::arrays::Hdf5Out;
@@ -185,5 +204,14 @@ mod tests {
             decode_depth(b"P5 2 1 65535\n\0\x01\x01\0").unwrap().data(),
             [1, 256]
         );
+    }
+
+    #[test]
+    fn a_pgm_whose_values_would_be_scaled_is_refused() {
+        for file in ["P5 1 1 10000\n\x03\x01", "P2 1 1 10000\n 769"] {
+            let error = decode_depth(file.as_bytes()).unwrap_err().to_string();
+            let named = "the largest value is 10000 by its header, not 65535, and depth is one 16-bit value";
+            assert!(error.contains(named), "{error}");
+        }
     }
 }
