@@ -8,6 +8,7 @@
 //! | colour BMP, PPM, TIFF | `(4899 R + 9617 G + 1868 B + 2^13) >> 14` |
 //! | colour WebP | `(9798 R + 19235 G + 3735 B + 2^14) >> 15` |
 //! | 16 bit | the same in 16 bit, then `>> 8` |
+//! | PNM whose largest value is not 255 or 65535 | scaled up to it first, which OpenCV does not do |
 //! | alpha | ignored |
 //!
 //! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF orientation
@@ -272,6 +273,10 @@ fn size_of_other(reader: impl BufRead + Seek) -> Result<Size, DecodeError> {
     let (width, height) = reader
         .into_dimensions()
         .map_err(|error| other_error(&error))?;
+    if width == 0 || height == 0 {
+        // Decoders of most formats say so themselves, that of PNM does not.
+        return Err(DecodeError::Damaged("it has no pixels".into()));
+    }
     Ok(Size::new(width as usize, height as usize))
 }
 
@@ -487,6 +492,18 @@ mod tests {
         let bomb = b"P5 60000 60000 255\n";
         let size = Size::new(60000, 60000);
         assert_eq!(decode_gray(bomb), Err(DecodeError::TooLarge(size)));
+    }
+
+    #[test]
+    fn an_image_without_pixels_is_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("0000.pgm");
+        for header in ["P5 0 5 255\n", "P6 5 0 255\n", "P2 0 0 255\n"] {
+            fs::write(&path, header).unwrap();
+            for error in [read_gray(&path).unwrap_err(), read_size(&path).unwrap_err()] {
+                assert_eq!(error.what, "the image is damaged: it has no pixels");
+            }
+        }
     }
 
     #[test]
