@@ -311,3 +311,42 @@ fn runs_of_several_matchers_are_joined_and_go_on_as_one() {
         fewer.join("\n") + "\n"
     );
 }
+
+#[test]
+fn records_that_no_run_writes_are_not_joined() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    dataset(folder.path(), "wall", 3);
+    let go = |words: &[&str]| {
+        let done = matchbench().current_dir(&folder).args(words).output();
+        let done = done.expect("the program starts");
+        (
+            done.status.code(),
+            String::from_utf8_lossy(&done.stderr).into_owned(),
+        )
+    };
+    for matcher in ["sift", "orb"] {
+        let (code, said) = go(&["run", "wall", "--matchers", matcher, "--out", matcher]);
+        assert_eq!(code, Some(0), "{said}");
+    }
+    let file = folder.path().join("sift/records/wall/sift+ransac-e.jsonl");
+    let sound = fs::read_to_string(&file).expect("readable");
+    let lines: Vec<&str> = sound.split_inclusive('\n').collect();
+    for (text, named) in [
+        (
+            [lines[0], lines[0], lines[1]].concat(),
+            "sift+ransac-e.jsonl:2: pair 0 1 is there twice, first on line 1",
+        ),
+        (
+            [&*sound, lines[0]].concat(),
+            "sift+ransac-e.jsonl:4: 3 tasks are planned; delete the file from this line on",
+        ),
+    ] {
+        fs::write(&file, text).expect("writable");
+        let (code, said) = go(&["join", "sift", "orb", "--out", "both"]);
+        assert!(code == Some(1) && said.contains(named), "{said}");
+        assert!(!folder.path().join("both").exists());
+    }
+    fs::write(&file, sound).expect("writable");
+    let (code, said) = go(&["join", "sift", "orb", "--out", "both"]);
+    assert_eq!(code, Some(0), "{said}");
+}

@@ -15,8 +15,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::counted::counted;
-use crate::records::{Plan, RunFolder};
+use crate::records::{Plan, RunFolder, check_tasks, is_twice};
 
 use super::broken::count_broken;
 use super::listed::{complete_all, task};
@@ -98,62 +97,13 @@ fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, Resul
         set.pairs.push(PairResult::from(&record));
         Ok::<_, ResultsError>(())
     })?;
-    check_tasks(file, lines, run.plan().settings.repetitions.get() as usize)?;
+    let planned = run.plan().settings.repetitions.get() as usize;
+    check_tasks(lines, planned).map_err(|(line, problem)| ResultsError::Line {
+        path: file.to_path_buf(),
+        line,
+        problem,
+    })?;
     Ok(set)
-}
-
-/// Whether no task, a pair and a repetition of it, stands in two lines, none without the repetition before it, and
-/// every pair in the `planned` number of repetitions. Only the pair that was recorded last may have fewer, so that a
-/// few lines do not stand for millions of results that are missing.
-fn check_tasks(
-    file: &Path,
-    mut lines: Vec<([u32; 3], usize)>,
-    planned: usize,
-) -> Result<(), ResultsError> {
-    lines.sort_unstable();
-    let wrong = |line, problem| {
-        Err(ResultsError::Line {
-            path: file.to_path_buf(),
-            line,
-            problem,
-        })
-    };
-    let mut before = None;
-    for &(task, line) in &lines {
-        let [a, b, repetition] = task;
-        if let Some((same, first)) = before
-            && same == task
-        {
-            return Err(twice(file, line, (a, b), first));
-        }
-        // A run does them in their order, so a number stands for that many records.
-        let follows = |(other, earlier)| other == [a, b, repetition - 1] && earlier < line;
-        if repetition > 0 && !before.is_some_and(follows) {
-            let problem = format!(
-                "repetition {repetition} of the pair {a} {b} without the one before it; delete this line"
-            );
-            return wrong(line, problem);
-        }
-        before = Some((task, line));
-    }
-    let last = lines.iter().map(|&(_, line)| line).max();
-    for pair in lines.chunk_by(|(task, _), (next, _)| task[..2] == next[..2]) {
-        let ([a, b, repetition], line) = pair[pair.len() - 1];
-        if pair.len() > planned {
-            let planned = counted(planned, "planned repetition");
-            let problem = format!("repetition {repetition} of the pair {a} {b}, of {planned}");
-            return wrong(line, format!("{problem} from 0 on; delete this line"));
-        }
-        if pair.len() < planned && Some(line) != last {
-            let planned = counted(planned, "planned repetition");
-            let problem = format!(
-                "the pair {a} {b} ends here after {} of {planned}",
-                pair.len()
-            );
-            return wrong(line, format!("{problem}; delete its lines"));
-        }
-    }
-    Ok(())
 }
 
 /// Datasets, matchers and estimators in the order in which the plan names them; what it does not name comes
@@ -215,13 +165,11 @@ fn entries(path: &Path) -> Result<Vec<(String, PathBuf)>, ResultsError> {
     Ok(entries)
 }
 
-pub(super) fn twice(file: &Path, line: usize, (a, b): (u32, u32), first: usize) -> ResultsError {
+pub(super) fn twice(file: &Path, line: usize, pair: (u32, u32), first: usize) -> ResultsError {
     ResultsError::Line {
         path: file.to_path_buf(),
         line,
-        problem: format!(
-            "pair {a} {b} is there twice, first on line {first}; delete the one that does not count"
-        ),
+        problem: is_twice(pair, first),
     }
 }
 

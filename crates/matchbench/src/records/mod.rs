@@ -18,6 +18,7 @@ mod plan;
 mod record;
 pub mod shards;
 pub mod store;
+mod tasks;
 mod tuned;
 
 pub use broken::BrokenTasks;
@@ -32,4 +33,5 @@ pub use plan::{
 pub use record::{ByDepth, Counts, Repeated, RunRecord, StageTimes, Task};
 pub use shards::{ShardError, ShardPlan};
 pub use store::StoreError;
+pub(crate) use tasks::{check_tasks, is_twice};
 pub use tuned::{Tuned, TunedOn};

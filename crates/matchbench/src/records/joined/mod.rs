@@ -18,8 +18,9 @@ use super::images::{FIRST_WITH_NOTES, ImageNotes};
 use super::line::to_line;
 use super::{
     DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
-    Tuned, matches, store,
+    Tuned, check_tasks, matches, store,
 };
+use crate::counted::counted;
 use crate::files::{WholeFile, open_file};
 use plan::joined;
 
@@ -75,6 +76,16 @@ pub enum JoinError {
         frame: u32,
         /// The run that has another.
         run: PathBuf,
+    },
+    /// A run has a record that it did not plan, or twice.
+    #[error("{}:{line}: {problem}", path.display())]
+    Line {
+        /// The file of records.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong and what to do.
+        problem: String,
     },
     /// There is a run already.
     #[error("{} holds a run already; choose another folder", out.display())]
@@ -175,7 +186,7 @@ fn taken<'f>(folders: &'f [RunFolder], plan: &Plan) -> Result<Vec<Taken<'f>>, Jo
                     if !estimators.contains(&*estimator.id) {
                         continue;
                     }
-                    let count = records(folder, [&dataset.name, &matcher.id, &estimator.id])?;
+                    let count = records(folder, dataset, [&matcher.id, &estimator.id])?;
                     if count.all > 0 {
                         found.insert((&*estimator.id, place), count);
                     }
@@ -283,12 +294,40 @@ struct Count {
     all: u64,
 }
 
-/// The number of records of these names.
-fn records(folder: &RunFolder, names: [&str; 3]) -> Result<Count, StoreError> {
+/// The number of records of a dataset, a matcher and an estimator, which must be some that the run has planned.
+fn records(
+    folder: &RunFolder,
+    dataset: &DatasetPlan,
+    [matcher, estimator]: [&str; 2],
+) -> Result<Count, JoinError> {
+    let path = store::path(folder.path(), &dataset.name, matcher, estimator);
     let mut count = Count::default();
-    folder.for_each_of(names, |record| {
+    if !path.exists() {
+        return Ok(count);
+    }
+    let tasks = folder.plan().tasks_on(dataset);
+    let mut lines = Vec::new();
+    folder.for_each_in(&path, |line, record| {
+        if lines.len() == tasks {
+            let planned = counted(tasks, "task");
+            let problem = format!("{planned} are planned; delete the file from this line on");
+            return Err(JoinError::Line {
+                path: path.clone(),
+                line,
+                problem,
+            });
+        }
+        let task = &record.task;
+        lines.push(([task.a, task.b, task.repetition], line));
         count.results += u64::from(!record.outcome.has_failed());
         count.all += 1;
+        Ok(())
+    })?;
+    let planned = folder.plan().settings.repetitions.get() as usize;
+    check_tasks(lines, planned).map_err(|(line, problem)| JoinError::Line {
+        path,
+        line,
+        problem,
     })?;
     Ok(count)
 }
