@@ -66,7 +66,8 @@ pub(super) struct Process {
     lines: Receiver<Heard>,
     /// Disconnected when standard error has ended.
     errors: Receiver<()>,
-    /// The last line of standard error that was not blank, fit to be shown: it may say why the child ended.
+    /// The last line of standard error that was not blank, or an answer that is no JSON, fit to be shown: it may say why
+    /// the child ended, or why nothing was heard.
     complaint: Arc<Mutex<String>>,
     /// Until when it may go, once it was asked to.
     grace: Option<Instant>,
@@ -137,8 +138,9 @@ impl Process {
             reaped: false,
         };
         let (out_log, error_log) = (log.clone(), log.clone());
+        let unheard = Arc::clone(&complaint);
         serve(move || write_all(stdin, &to_write))?;
-        serve(move || sort(stdout, &heard, &out_log))?;
+        serve(move || sort(stdout, &heard, &out_log, &unheard))?;
         serve(move || copy(stderr, &error_log, &complaint, ended))?;
         Ok(process)
     }
@@ -296,8 +298,8 @@ fn write_all(mut stdin: ChildStdin, lines: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Objects with a `type` are messages; all else goes to the log.
-fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log) {
+/// Objects with a `type` are messages; all else goes to the log, and is a `complaint` if it was to be a message.
+fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log, complaint: &Mutex<String>) {
     let mut stdout = BufReader::new(stdout);
     let mut line = Vec::new();
     loop {
@@ -310,17 +312,28 @@ fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log) {
             }
             Ok(lines::Line::End) | Err(_) => return,
         }
-        let message: Option<Value> = serde_json::from_slice(&line).ok();
-        match message {
-            Some(message) if message.get("type").is_some_and(Value::is_string) => {
+        match serde_json::from_slice::<Value>(&line) {
+            Ok(message) if message.get("type").is_some_and(Value::is_string) => {
                 if heard.send(Heard::Message(message)).is_err() {
                     return;
                 }
             }
             _ if line.is_empty() => {}
-            _ => log.line(&line),
+            read => {
+                if let Err(error) = read
+                    && is_like_a_message(&line)
+                {
+                    *lock(complaint) = format!("{}, which is no JSON: {error}", told(&line));
+                }
+                log.line(&line);
+            }
         }
     }
+}
+
+/// Whether a line was to be a message: an object that says `"type"`, though perhaps with a NaN or half of it.
+fn is_like_a_message(line: &[u8]) -> bool {
+    line.starts_with(b"{") && line.windows(6).any(|word| word == b"\"type\"")
 }
 
 /// All goes to the log; the last line that is not blank is the `complaint`.

@@ -90,6 +90,10 @@ fn misbehave(behaviour: &str, request: &Value) {
             sleep();
         }
         "chatters" => (0..200_000).for_each(|i| println!("still working on it: {i}")),
+        "no-json" => {
+            println!("{{\"type\":\"matched\",\"count\":NaN}}");
+            sleep();
+        }
         "counts-wrong" => {
             write_matches(request, &[[1.0; 5]]);
             say(&matched(request, 2));

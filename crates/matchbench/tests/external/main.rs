@@ -160,6 +160,10 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
         ("floods", "more than 1048576 bytes"),
         ("chatters", "no answer within 2 s"),
         (
+            "no-json",
+            "no answer within 2 s (it was killed; it last printed: {\"type\":\"matched\",\"count\":NaN}, which is no JSON: ",
+        ),
+        (
             "counts-wrong",
             "promises 2 matches of 20 bytes, but wrote 20 bytes",
         ),
