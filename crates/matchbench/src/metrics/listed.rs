@@ -1,11 +1,13 @@
 //! Which pairs of a run count: those that its datasets list, where they are at hand, or those that it has recorded.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem;
 use std::path::Path;
 
 use crate::counted::counted;
 use crate::datasets::{Pair, read_dataset_pairs};
+use crate::records::{Outcome, RunFolder};
 
 use super::broken::count_broken;
 use super::pair_choice::PairChoice;
@@ -28,6 +30,47 @@ pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, 
         });
     }
     Ok(read_dataset_pairs(&dir)?)
+}
+
+/// Checks that the poses of a run have the errors that its records state, by the truth that its `datasets` list. It may be
+/// another one by now, and records may have been edited.
+///
+/// # Errors
+/// The first record with another error; or that something cannot be read.
+pub(super) fn check_errors(
+    run: &RunFolder,
+    sets: &[ResultSet],
+    datasets: &Path,
+) -> Result<(), ResultsError> {
+    let mut truths = BTreeMap::<&str, BTreeMap<(u32, u32), Pair>>::new();
+    for set in sets {
+        let truth = match truths.entry(&set.dataset) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let listed = listed_pairs(datasets, &set.dataset)?.into_iter();
+                new.insert(listed.map(|pair| ((pair.a, pair.b), pair)).collect())
+            }
+        };
+        let mut wrong = None;
+        run.for_each_of([&set.dataset, &set.matcher, &set.estimator], |record| {
+            let truth = truth.get(&(record.task.a, record.task.b));
+            let judged = truth.and_then(Pair::pose).zip(record.outcome.pose());
+            if let (None, Some((truth, pose))) = (&wrong, judged) {
+                wrong = record.contradiction(&Outcome::judged(&pose, truth, 0, 0, 0));
+            }
+        })?;
+        if let Some(wrong) = wrong {
+            return Err(ResultsError::Layout {
+                path: datasets.join(&set.dataset),
+                problem: format!(
+                    "{wrong} by the truth here; {} was judged by another, or its records were changed; run it anew, or leave \
+                     --datasets out",
+                    run.path().display()
+                ),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Which task of a method a result is of.

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use crate::records::{Plan, RunFolder, check_tasks, is_twice};
 
 use super::broken::count_broken;
-use super::listed::{complete_all, task};
+use super::listed::{check_errors, complete_all, task};
 use super::pair_choice::PairChoice;
 use super::results_error::ResultsError;
 use super::{PairResult, ResultSet};
@@ -46,6 +46,9 @@ pub(super) fn of_run(
     let mut sets = Vec::new();
     for file in run.record_files()? {
         sets.extend(read_records(run, &file)?);
+    }
+    if let Some(datasets) = datasets {
+        check_errors(run, &sets, datasets)?;
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
@@ -237,7 +240,8 @@ mod tests {
         let run = run_folder(&[("sift", text)]);
         let dataset = run.path().join("datasets/room");
         fs::create_dir_all(&dataset).expect("a folder can be made");
-        let pose = "1 0 0 0 0 1 0 0 0 0 1 1";
+        // Half a degree about x, and 4.5 degrees from x towards y: the errors of the records.
+        let pose = "1 0 0 0.9969173337 0 0.9999619231 -0.0087265355 0.0784590957 0 0.0087265355 0.9999619231 0";
         fs::write(
             dataset.join("pairs.txt"),
             format!("0 1 {pose}\n0 3 {pose}\n"),
@@ -246,6 +250,24 @@ mod tests {
         let sets = load(run.path(), Some(&run.path().join("datasets"))).expect("in order");
         assert_eq!((sets[0].pairs.len(), sets[0].ignored), (2, 1));
         assert_eq!(sets[0].pairs[1].outcome, Err(Failure::Missing));
+    }
+
+    #[test]
+    fn errors_that_the_listed_truth_contradicts_are_not_scored() {
+        let run = run_folder(&[("sift", line("sift", 0, 1, 0))]);
+        let dataset = run.path().join("datasets/room");
+        fs::create_dir_all(&dataset).expect("a folder can be made");
+        fs::write(dataset.join("pairs.txt"), "0 1 1 0 0 0 0 1 0 0 0 0 1 1\n").expect("it is ours");
+        let error =
+            load(run.path(), Some(&run.path().join("datasets"))).expect_err("another truth");
+        let error = error.to_string();
+        for named in [
+            "datasets/room: the record of the pair 0 1 states errors of 0.5000 of the rotation and 4.5000 of the translation",
+            "but its pose has errors of 0.0000 of the rotation and 90.0000 of the translation (degrees) by the truth here",
+        ] {
+            assert!(error.contains(named), "{error}");
+        }
+        assert!(load(run.path(), None).is_ok(), "nothing else is at hand");
     }
 
     #[test]

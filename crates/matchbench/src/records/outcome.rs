@@ -206,6 +206,19 @@ impl Outcome {
         }
     }
 
+    /// The stated errors: two angles of a pose, one distance of a homography.
+    pub(super) fn errors(&self) -> [Option<f64>; 2] {
+        match *self {
+            Self::Pose {
+                rotation_error,
+                translation_error,
+                ..
+            } => [Some(rotation_error), translation_error],
+            Self::Homography { corner_error, .. } => [corner_error, None],
+            _ => [None; 2],
+        }
+    }
+
     /// Whether there is an estimate: a pose or a homography.
     pub fn is_estimate(&self) -> bool {
         matches!(self, Self::Pose { .. } | Self::Homography { .. })

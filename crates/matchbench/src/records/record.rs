@@ -5,6 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::Outcome;
 use crate::matchers::check_seconds;
 
+/// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
+/// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
+const ROUNDED: f64 = 1e-3;
+
 /// Everything that one task left behind. Apart from [`RunRecord::times`] it is the same, bit for
 /// bit, on every machine and for any number of threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +55,42 @@ impl RunRecord {
         self.check_by_depth()?;
         self.check_support()?;
         self.outcome.check()
+    }
+
+    /// How the record contradicts its estimate when that is `judged` again, in words; `None` if it does not.
+    pub(crate) fn contradiction(&self, judged: &Outcome) -> Option<String> {
+        let (stated, found) = (self.outcome.errors(), judged.errors());
+        let of_homography = matches!(judged, Outcome::Homography { .. });
+        let agrees = (stated.iter().zip(found)).all(|(stated, found)| match (stated, found) {
+            (Some(stated), Some(found)) => {
+                let scale = if of_homography { found.max(1.0) } else { 1.0 };
+                (stated - found).abs() <= ROUNDED * scale
+            }
+            (None, None) => true,
+            _ => false,
+        });
+        let (a, b) = (self.task.a, self.task.b);
+        let words = |errors: [Option<f64>; 2]| {
+            let [first, second] =
+                errors.map(|error| error.map_or("none".to_owned(), |error| format!("{error:.4}")));
+            if of_homography {
+                format!("a corner error of {first}")
+            } else {
+                format!("errors of {first} of the rotation and {second} of the translation")
+            }
+        };
+        let (what, unit) = if of_homography {
+            ("homography", "pixels")
+        } else {
+            ("pose", "degrees")
+        };
+        (!agrees).then(|| {
+            format!(
+                "the record of the pair {a} {b} states {}, but its {what} has {} ({unit})",
+                words(stated),
+                words(found)
+            )
+        })
     }
 
     /// What agrees with an estimate are selected matches.

@@ -21,10 +21,6 @@ use crate::datasets::{Pair, Sequence};
 use crate::metrics::{PairResult, ResultSet};
 use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, RunSettings};
 
-/// Largest allowed difference between a stated error and the computed one, in degrees or pixels (for large
-/// pixel errors, relative to them). Records are rounded, and small angles lose half of their digits.
-const ROUNDED: f64 = 1e-3;
-
 /// Most frames of a dataset that is opened where the plan of an entry says.
 const MAX_FRAMES: usize = 1_000_000;
 /// Most bytes of its `dataset.toml`: that of 100,000 frames with a camera each.
@@ -198,7 +194,7 @@ pub(super) fn check(run: &RunFolder, set: &mut ResultSet, truth: &Truth) -> Resu
             Err(reason) => wrong = Some(reason),
             Ok(None) => all = false,
             Ok(Some(judged)) => {
-                wrong = contradiction(&record, &judged);
+                wrong = record.contradiction(&judged);
                 let (a, b) = (record.task.a, record.task.b);
                 let task = (a, b, record.task.repetition);
                 let place = pairs.binary_search_by_key(&task, |it| (it.a, it.b, it.repetition));
@@ -210,55 +206,6 @@ pub(super) fn check(run: &RunFolder, set: &mut ResultSet, truth: &Truth) -> Resu
     });
     read.map_err(|error| error.to_string())?;
     wrong.map_or(Ok(all), Err)
-}
-
-/// How a record contradicts its estimate when that is judged again; `None` if it does not.
-fn contradiction(record: &RunRecord, judged: &Outcome) -> Option<String> {
-    let (stated, found) = (errors(&record.outcome), errors(judged));
-    let of_homography = matches!(judged, Outcome::Homography { .. });
-    let agrees = (stated.iter().zip(found)).all(|(stated, found)| match (stated, found) {
-        (Some(stated), Some(found)) => {
-            let scale = if of_homography { found.max(1.0) } else { 1.0 };
-            (stated - found).abs() <= ROUNDED * scale
-        }
-        (None, None) => true,
-        _ => false,
-    });
-    let (a, b) = (record.task.a, record.task.b);
-    let words = |errors: [Option<f64>; 2]| {
-        let [first, second] =
-            errors.map(|error| error.map_or("none".to_owned(), |error| format!("{error:.4}")));
-        if of_homography {
-            format!("a corner error of {first}")
-        } else {
-            format!("errors of {first} of the rotation and {second} of the translation")
-        }
-    };
-    let (what, unit) = if of_homography {
-        ("homography", "pixels")
-    } else {
-        ("pose", "degrees")
-    };
-    (!agrees).then(|| {
-        format!(
-            "the record of the pair {a} {b} states {}, but its {what} has {} ({unit})",
-            words(stated),
-            words(found)
-        )
-    })
-}
-
-/// The stated errors of an outcome: two angles for a pose, one distance for a homography.
-fn errors(outcome: &Outcome) -> [Option<f64>; 2] {
-    match *outcome {
-        Outcome::Pose {
-            rotation_error,
-            translation_error,
-            ..
-        } => [Some(rotation_error), translation_error],
-        Outcome::Homography { corner_error, .. } => [corner_error, None],
-        _ => [None; 2],
-    }
 }
 
 #[cfg(test)]
