@@ -336,12 +336,16 @@ pub(super) fn parse_camera(file: &TextFile) -> Result<Camera, DatasetError> {
 
 /// What is wrong with the cameras of the manifest and with its unit of depth, each problem once.
 fn check_manifest(dir: &Path, manifest: &Manifest, camera: Option<&Camera>) -> Vec<DatasetError> {
-    let own = manifest.frames.iter().filter_map(|frame| frame.camera);
+    let frames = manifest.frames.iter().enumerate();
+    let own = frames.filter_map(|(index, frame)| Some((format!("frame {index}: "), frame.camera?)));
     let shared = camera.filter(|_| manifest.distortion.is_some()).copied();
-    let mut wrong: Vec<String> = (shared.into_iter().chain(own))
-        .filter_map(|camera| Some(camera.check().err()?.to_string()))
+    let shared = shared.map(|camera| (String::new(), camera));
+    let mut wrong: Vec<(String, String)> = (shared.into_iter().chain(own))
+        .filter_map(|(whose, camera)| Some((whose, camera.check().err()?.to_string())))
         .collect();
-    wrong.dedup();
+    wrong.dedup_by(|(_, next), (_, before)| next == before);
+    let wrong = wrong.into_iter().map(|(whose, what)| whose + &what);
+    let mut wrong: Vec<String> = wrong.collect();
     let is_used =
         manifest.frames.is_empty() || (manifest.frames.iter()).any(|f| f.camera.is_none());
     if manifest.distortion.is_some() && !is_used {

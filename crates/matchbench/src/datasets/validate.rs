@@ -385,11 +385,17 @@ mod tests {
             ("{ fx = 20, fy = inf, cx = 12, cy = 8 }", "fy is inf"),
         ] {
             let (_folder, dir) = testing::dataset();
-            let own = format!("[[frames]]\ncamera = {camera}\n").repeat(4);
-            fs::write(dir.join("dataset.toml"), format!("version = 1\n{own}")).unwrap();
+            let own = format!("[[frames]]\ncamera = {camera}\n").repeat(3);
+            let first = "[[frames]]\ncamera = { fx = 20, fy = 20, cx = 12, cy = 8 }";
+            fs::write(
+                dir.join("dataset.toml"),
+                format!("version = 1\n{first}\n{own}"),
+            )
+            .unwrap();
             let found = validate(&dir);
             let error = &found.first().expect("a problem").error;
             assert!(error.what.contains(named), "{error}");
+            assert!(error.what.starts_with("frame 1: "), "{error}");
             assert!(super::super::Sequence::open(&dir).is_err());
         }
     }
