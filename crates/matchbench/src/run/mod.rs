@@ -64,7 +64,9 @@ use std::time::Duration;
 use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
-use crate::records::{KeepMatches, RunFolder, RunRecord, RunSettings, RunWriter, Tuned};
+use crate::records::{
+    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
+};
 use depth::DepthMaps;
 use earlier::InOrder;
 use kept::{Kept, Retried};
@@ -230,6 +232,7 @@ impl Run<'_> {
             (plan, part) = shard.of(plan, self.datasets)?;
             datasets = &part;
         }
+        self.refuse_changed(datasets, &plan)?;
         let folder = RunWriter::start(self.folder, plan)?;
         self.cache.remove_leftovers();
         if !tuned.is_empty() {
@@ -270,6 +273,20 @@ impl Run<'_> {
             .find_map(|progress| progress.removed(finished.contains(&progress.names())));
         self.refuse_removed(removed)?;
         Ok(summary)
+    }
+
+    /// Refuses a run that is to grow where its images have changed, before its results are set aside and its plan is
+    /// another: it could not go on, and had no results that are scored.
+    fn refuse_changed(&self, datasets: &[Dataset], plan: &Plan) -> Result<(), RunError> {
+        // What is wrong with a folder is told when it is opened to write.
+        if let Ok(before) = RunFolder::open(self.folder)
+            && before.plan().settings != plan.settings
+        {
+            for dataset in datasets {
+                verified(&dataset.sequence, &before)?;
+            }
+        }
+        Ok(())
     }
 
     /// The error that the folder, or this file of records in it, was removed while the run wrote: files that are open are
@@ -425,7 +442,7 @@ fn images<'d>(
         let is_left =
             |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
         if progresses.iter().any(is_left) {
-            let notes = folder.folder().images_of(name)?;
+            let notes = verified(&dataset.sequence, folder.folder())?;
             let has_results = |progress: &MatcherProgress<'_>| {
                 progress.sequence.name == *name && progress.has_results()
             };
@@ -436,11 +453,18 @@ fn images<'d>(
             {
                 return Err(notes.lost().into());
             }
-            notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
             images.insert(&**name, Mutex::new(notes));
-            let depth = |frame: u32| Some(&*frames.get(frame as usize)?.depth.as_ref()?.path);
-            folder.folder().depth_of(name)?.verify(depth)?;
         }
     }
     Ok(images)
+}
+
+/// The notes of the images that a run has worked with on a dataset, which must be the same still, and so must their depth.
+fn verified(sequence: &Sequence, run: &RunFolder) -> Result<ImageNotes, FolderError> {
+    let Sequence { name, frames, .. } = sequence;
+    let notes = run.images_of(name)?;
+    notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
+    let depth = |frame: u32| Some(&*frames.get(frame as usize)?.depth.as_ref()?.path);
+    run.depth_of(name)?.verify(depth)?;
+    Ok(notes)
 }

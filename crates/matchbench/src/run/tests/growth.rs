@@ -101,6 +101,34 @@ fn more_repetitions_and_more_pairs_than_a_sample_keep_what_is_done() {
 }
 
 #[test]
+fn a_run_of_other_images_does_not_begin_to_grow() {
+    let mut bench = Bench::new(two_by_two());
+    bench.settings = sampled(Some(2), 1);
+    bench.run("grown").unwrap();
+    let expected = bench.records("grown");
+    let noted = bench.path("grown/images/street.txt");
+    let first = fs::read_to_string(noted).unwrap();
+    let frame: u32 = first.split(' ').next().unwrap().parse().unwrap();
+    let image = bench.path(&format!("street/{frame:04}.raw"));
+    let sound = fs::read(&image).unwrap();
+    fs::write(&image, [7; 64]).unwrap();
+    bench.settings = sampled(None, 2);
+    let error = bench.run("grown").unwrap_err().to_string();
+    assert!(
+        error.contains(".raw") && error.contains("changed"),
+        "{error}"
+    );
+    // As it was: it is scored, and what it was begun with goes on.
+    assert_eq!(earlier_files(&bench), 0);
+    assert_eq!(bench.records("grown"), expected);
+    bench.settings = sampled(Some(2), 1);
+    assert_eq!(bench.run("grown").unwrap().now, 0);
+    fs::write(&image, sound).unwrap();
+    bench.settings = sampled(None, 2);
+    assert!(bench.run("grown").unwrap().is_complete());
+}
+
+#[test]
 fn a_run_that_grows_may_be_cut_off_anywhere_and_grow_again() {
     let mut bench = Bench::new(two_by_two());
     bench.settings = repeated(3);
