@@ -35,6 +35,7 @@ static ALLOCATOR: matchbench::memory::HugePages = matchbench::memory::HugePages;
 /// The classes and functions of `matchbench._native`.
 #[pyo3::pymodule(name = "_native")]
 mod native {
+    use matchbench::front_door::FrontDoor;
     use pyo3::prelude::*;
 
     #[pymodule_export]
@@ -58,10 +59,12 @@ mod native {
     #[pymodule_export]
     use crate::show::show;
 
-    /// Applies the limits from the environment as the program does, and remembers the process.
+    /// Applies the limits from the environment as the program does, remembers the process, and makes messages call
+    /// options as Python does.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::detached::remember();
+        FrontDoor::Python.open();
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         matchbench_cli::environment()
             .map_err(|error| crate::errors::value_error(format!("{error:#}")))

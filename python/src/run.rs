@@ -12,6 +12,7 @@ use std::time::Duration;
 use matchbench::config::Changes;
 use matchbench::counted::counted;
 use matchbench::external;
+use matchbench::front_door::FrontDoor;
 use matchbench::records::{self, KeepMatches, RunFolder};
 use matchbench::report::check_target;
 use matchbench::run::{Cancel, Run, RunSummary, pair_seed as seed_of_pair};
@@ -226,5 +227,9 @@ pub(crate) fn pair_seed(
 /// Runs the program `matchbench` with these arguments; returns its exit code.
 #[pyfunction]
 pub(crate) fn command_line(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| matchbench_cli::run(arguments))
+    let before = FrontDoor::now();
+    FrontDoor::CommandLine.open();
+    let code = py.detach(|| matchbench_cli::run(arguments));
+    before.open();
+    code
 }

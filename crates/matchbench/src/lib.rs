@@ -66,6 +66,7 @@ pub mod estimators;
 pub mod exchange;
 pub mod external;
 pub mod files;
+pub mod front_door;
 pub mod matchers;
 pub mod memory;
 pub mod metrics;

@@ -14,6 +14,7 @@ use matchbench_vision::features::{Features, Keypoint};
 pub use key::Key;
 
 use crate::files::{read_file, refuse_links, remove_leftovers_below, write_whole_file};
+use crate::front_door::CACHE;
 use crate::matchers::Extraction;
 
 /// A folder of features. Any number of runs may use one folder at the same time. It can be deleted when no run
@@ -75,7 +76,10 @@ impl FeatureCache {
     fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
         refuse_links(&self.folder, name)?;
         write_whole_file(&self.folder.join(name), contents).map_err(|error| {
-            let remedy = "this is the cache of features; it may lie elsewhere (--cache DIR), and may be deleted";
+            let remedy = format!(
+                "this is the cache of features; it may lie elsewhere ({}), and may be deleted",
+                CACHE.with("DIR")
+            );
             io::Error::new(error.kind(), format!("{error}; {remedy}"))
         })
     }

@@ -25,6 +25,7 @@ use nalgebra::Isometry3;
 use super::pair_list::{is_numbered, listed, numbered};
 use super::text::TextFile;
 use super::{DatasetError, Frame, Pair};
+use crate::front_door::PAIRS;
 
 /// A rule that chooses pairs of frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,7 +164,10 @@ impl PairRule {
         DatasetError::new(
             self.to_string(),
             format!("{frames} frames have {count} pairs by this rule; {most} are possible"),
-            "choose fewer pairs, for example by --pairs window:9,stride:15 or fragments:15",
+            format!(
+                "choose fewer pairs, for example by {} or fragments:15",
+                PAIRS.with("window:9,stride:15")
+            ),
         )
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{ExchangeError, Format};
 use crate::config::UnknownName;
+use crate::front_door::{PIXEL_CENTER, RESIZED, VERIFIED};
 use crate::matchers::MatchesFrom;
 
 /// How files are to be read, where they do not say it themselves.
@@ -42,33 +43,40 @@ impl ReadOptions {
     /// # Errors
     /// If the options do not fit the format, or leave out what it does not say itself.
     pub(super) fn center_in(&self, file: &Path, format: &Format) -> Result<f64, ExchangeError> {
-        let error = |what: String, remedy: &str| Err(ExchangeError::new(file, what, remedy));
+        let error = |what: String, remedy: String| Err(ExchangeError::new(file, what, remedy));
         if self.verified && format.id != "colmap" {
             let what = format!("`{}` has no verified matches", format.id);
-            return error(what, "leave --verified out");
+            return error(what, format!("leave {VERIFIED} out"));
         }
         if format.resized && self.resized.is_none() {
             let what = format!("points of `{}` are those of resized images", format.id);
             return error(
                 what,
-                "say --resized WxH, the size that they were resized to",
+                format!(
+                    "say {}, the size that they were resized to",
+                    RESIZED.with("WxH")
+                ),
             );
         }
         if self.resized.is_some_and(|size| size.contains(&0)) {
-            return error("a resized image has no pixels".into(), "say --resized WxH");
+            let remedy = format!("say {}", RESIZED.with("WxH"));
+            return error("a resized image has no pixels".into(), remedy);
         }
         match self.pixel_center.or(format.pixel_center) {
             Some(center) if center == 0.0 || center == 0.5 => Ok(center),
             Some(center) => error(
                 format!("the centre of the first pixel cannot be at {center}"),
-                "say --pixel-center 0 or 0.5",
+                format!("say {} or 0.5", PIXEL_CENTER.with("0")),
             ),
             None => error(
                 format!(
                     "`{}` has no convention for the centre of the first pixel",
                     format.id
                 ),
-                "say --pixel-center 0 (as OpenCV, numpy indices) or 0.5 (as COLMAP)",
+                format!(
+                    "say {} (as OpenCV, numpy indices) or 0.5 (as COLMAP)",
+                    PIXEL_CENTER.with("0")
+                ),
             ),
         }
     }

@@ -23,6 +23,7 @@ use super::{
 };
 use crate::counted::counted;
 use crate::datasets::Sequence;
+use crate::front_door::{PIXEL_CENTER, RESIZED};
 
 /// Points that fill less of the image's width and height than this, in all pairs, are warned about.
 const FILLED: f64 = 0.6;
@@ -272,7 +273,10 @@ impl MatchFiles {
         self.understood.scores = scores;
         if self.survey.matches > 0 && filled < FILLED {
             let doubt = match self.understood.resized {
-                None => "are they those of resized images? Then say --resized WxH".to_owned(),
+                None => format!(
+                    "are they those of resized images? Then say {}",
+                    RESIZED.with("WxH")
+                ),
                 Some([width, height]) => format!("were the images resized to {width}x{height}?"),
             };
             self.survey.warnings.push(format!(
@@ -352,15 +356,18 @@ impl MatchFiles {
                 );
                 let mut error = wrong(what);
                 let size = match self.understood.resized {
-                    None => "if the matcher saw resized images say --resized WxH".to_owned(),
+                    None => format!(
+                        "if the matcher saw resized images say {}",
+                        RESIZED.with("WxH")
+                    ),
                     Some([width, height]) => {
                         format!(
-                            "if the images were not resized to {width}x{height} correct --resized"
+                            "if the images were not resized to {width}x{height} correct {RESIZED}"
                         )
                     }
                 };
                 error.remedy =
-                    format!("{size}; if the first pixel's centre is elsewhere say --pixel-center");
+                    format!("{size}; if the first pixel's centre is elsewhere say {PIXEL_CENTER}");
                 return Err(error);
             }
         }

@@ -4,6 +4,7 @@ use super::found::with_more;
 use super::probe::{Content, Probe};
 use super::{ExchangeError, FORMATS, Format, hloc};
 use crate::arrays::Npz;
+use crate::front_door::MATCHES_FORMAT;
 
 /// The format of the files, which must be the `asked` one.
 ///
@@ -18,7 +19,7 @@ pub(super) fn format_of(
         (Some(found), Some(asked)) if found.id != asked.id => Err(ExchangeError::new(
             &probe.files[0],
             format!("its content is `{}`, not `{}`", found.id, asked.id),
-            "leave --matches-format out, or name the right files",
+            format!("leave {MATCHES_FORMAT} out, or name the right files"),
         )),
         (Some(found), _) => Ok(found),
         (None, asked) => Err(of_no_layout(probe, asked)),

@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::config::{find, readable};
+use crate::front_door::SETTINGS;
 
 /// The only key of a setting that is not a parameter of the child.
 const MATCHING: &str = "matching";
@@ -274,7 +275,10 @@ impl Manifest {
         };
         let Value::Object(changes) = changes else {
             let what = format!("expected parameters like {{\"name\": value}}, found {changes}");
-            return Err(refused(what, "give --set NAME.KEY=VALUE"));
+            return Err(refused(
+                what,
+                &format!("give {}", SETTINGS.with("NAME.KEY=VALUE")),
+            ));
         };
         let mut changes = changes.clone();
         if let Kind::Features(matching) = &mut self.kind
@@ -285,7 +289,7 @@ impl Manifest {
             *matching = serde_json::from_value(table).map_err(|error| {
                 refused(
                     format!(
-                        "--set {}.matching: {}",
+                        "{SETTINGS} {}.matching: {}",
                         self.name,
                         readable(&error.to_string())
                     ),

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::earlier_plans::modernized;
 use super::{Plan, RunSettings};
+use crate::front_door::PROTOCOLS;
 
 /// How the version of a matcher begins that is a digest of its code in Python.
 const DIGEST: &str = "code ";
@@ -137,10 +138,9 @@ fn another_protocol(written: &Plan, plan: &Plan) -> Option<String> {
     let (before, now) = (under(written), under(plan));
     (before.contains("") && !now.contains("") && !now.is_empty()).then(|| {
         let others: Vec<String> = now.into_iter().collect();
+        let both = PROTOCOLS.with(&format!("matchbench,{}", others.join(",")));
         format!(
-            "it is under the paper's protocol, which is not among those that are asked for; `--protocol \
-             matchbench,{}` has both",
-            others.join(",")
+            "it is under the paper's protocol, which is not among those that are asked for; `{both}` has both"
         )
     })
 }

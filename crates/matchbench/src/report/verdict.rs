@@ -1,6 +1,7 @@
 //! Which method is best on a dataset, and whether that is significant, in one sentence. All pairwise
 //! comparisons are in the report.
 
+use crate::front_door::ESTIMATORS;
 use crate::metrics::{Difference, Lead, MIN_IMAGES};
 
 use super::advantage::{rounds, units};
@@ -63,7 +64,7 @@ fn verdict(name: &str, leads: &[&Lead]) -> String {
         text
     } else {
         format!(
-            "{text}; {} has no estimator in common with {}, so this compares estimators too: give all the same --estimator",
+            "{text}; {} has no estimator in common with {}, so this compares estimators too: give all the same {ESTIMATORS}",
             first.best.0,
             together(&strangers)
         )

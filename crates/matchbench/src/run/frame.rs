@@ -12,6 +12,7 @@ use super::guard::{Broken, guard, timed};
 use crate::cache::{FeatureCache, Key};
 use crate::datasets::Frame;
 use crate::files::read_file;
+use crate::front_door::{SETTINGS, THREADS};
 use crate::matchers::BuiltMatcher;
 use crate::memory::{Reserved, reserve};
 use crate::records::images::ImageNotes;
@@ -125,10 +126,10 @@ impl FrameStage<'_> {
     fn memory_for(&self, frame: &Frame, image: &GrayImage) -> Result<Reserved<'static>, Broken> {
         let needed = self.matcher.matcher.extraction_memory(image.size());
         reserve(needed).map_err(|missing| {
-            let id = &self.matcher.id;
+            let smaller = SETTINGS.with(&format!("{}.extractor.max_size=N", self.matcher.id));
             Broken::for_now(format!(
-                "extraction from {} ({} pixels) was not begun: {missing}; use smaller images (--set \
-                 {id}.extractor.max_size=N) or fewer --threads, free memory, or set MATCHBENCH_MAX_MEMORY",
+                "extraction from {} ({} pixels) was not begun: {missing}; use smaller images ({smaller}) or \
+                 fewer {THREADS}, free memory, or set MATCHBENCH_MAX_MEMORY",
                 frame.image.display(),
                 image.size(),
             ))

@@ -8,6 +8,7 @@ use crate::counted::counted;
 use crate::datasets::{Pair, Sequence};
 use crate::estimators::Estimator;
 use crate::files::check_name;
+use crate::front_door::ESTIMATORS;
 use crate::matchers::Source;
 use crate::records::{DatasetPlan, EstimatorPlan, FORMAT, MatcherPlan, Plan, RunSettings};
 
@@ -197,7 +198,7 @@ pub fn check_truth<'a>(
         if let Some(pair) = pairs.into_iter().find(lacks) {
             return contradiction(format!(
                 "dataset `{dataset}` knows {known} but no {missing} of the pair {} {}, which the estimator `{}` \
-                 would be judged by; choose one of {others} with --estimator, and give datasets that know the other runs of their own",
+                 would be judged by; choose one of {others} with {ESTIMATORS}, and give datasets that know the other runs of their own",
                 pair.a, pair.b, variant.name
             ));
         }

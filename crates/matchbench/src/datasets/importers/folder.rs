@@ -19,6 +19,7 @@ use crate::counted::counted;
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::{parse_4x4, parse_kitti, parse_tum, parse_tum_lines};
 use crate::datasets::{About, DatasetError, Frame};
+use crate::front_door::{INTERPOLATE, TOLERANCE};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let camera = given_camera(src, options, &["camera.txt", "K.txt"])?.ok_or_else(|| {
@@ -103,8 +104,8 @@ fn poses(
         }
     };
     let given = [
-        ("--interpolate", options.interpolate),
-        ("--tolerance", options.tolerance.is_some()),
+        (INTERPOLATE, options.interpolate),
+        (TOLERANCE, options.tolerance.is_some()),
     ];
     if let Some((option, _)) = given.into_iter().find(|(_, given)| *given) {
         return Err(file.error(

@@ -18,6 +18,7 @@ use super::{ImportOptions, Imported, base_name};
 use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn};
+use crate::front_door::PAIRS;
 
 /// The names, and the columns before the pose.
 const NAMES: usize = 2;
@@ -44,7 +45,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         } = match parse(row) {
             Ok(row) => row,
             Err(Wrong::Line(what)) => return Err(file.error_at(line, what)),
-            Err(Wrong::NoTruth(what)) => return Err(file.error(what, LIST).at(line)),
+            Err(Wrong::NoTruth(what)) => return Err(file.error(what, as_list()).at(line)),
         };
         let [a, b] =
             [0, 1].map(|of| frames.number(root.join(names[of]), Turn::None, cameras[of], None));
@@ -58,7 +59,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
 }
 
 /// What to do with a list that has names alone.
-const LIST: &str = "import the images with their poses (kind colmap, folder ...) and give this list as --pairs list:FILE";
+fn as_list() -> String {
+    let given = PAIRS.with("list:FILE");
+    format!(
+        "import the images with their poses (kind colmap, folder ...) and give this list as {given}"
+    )
+}
 
 struct Row<'a> {
     names: [&'a str; 2],

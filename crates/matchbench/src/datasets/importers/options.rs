@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::{KINDS, Kind};
 use crate::datasets::{Association, DatasetError, ImageStorage, PairRule};
+use crate::front_door::{self, Asked};
 
 /// An option that only some kinds have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -31,19 +32,30 @@ pub enum ImportOption {
 }
 
 impl fmt::Display for ImportOption {
-    /// As it is typed on the command line.
+    /// As whoever reads the message gives it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Sequence => "--sequence",
-            Self::Sensor => "--sensor",
-            Self::Pairs => "--pairs",
-            Self::Camera => "--camera",
-            Self::Poses => "--poses",
-            Self::Tolerance => "--tolerance",
-            Self::Interpolate => "--interpolate",
-            Self::ImageRoot => "--image-root",
-            Self::Intrinsics => "--intrinsics",
-        })
+        self.asked().fmt(f)
+    }
+}
+
+impl ImportOption {
+    fn asked(self) -> Asked {
+        match self {
+            Self::Sequence => front_door::SEQUENCE,
+            Self::Sensor => front_door::SENSOR,
+            Self::Pairs => front_door::PAIRS,
+            Self::Camera => front_door::CAMERA,
+            Self::Poses => front_door::POSES,
+            Self::Tolerance => front_door::TOLERANCE,
+            Self::Interpolate => front_door::INTERPOLATE,
+            Self::ImageRoot => front_door::IMAGE_ROOT,
+            Self::Intrinsics => front_door::INTRINSICS,
+        }
+    }
+
+    /// As it is typed on the command line.
+    fn on_command_line(self) -> String {
+        self.asked().on_command_line().to_owned()
     }
 }
 
@@ -172,11 +184,11 @@ impl ImportOptions<'_> {
             words.extend(
                 value
                     .into_iter()
-                    .flat_map(|value| [option.to_string(), value]),
+                    .flat_map(|value| [option.on_command_line(), value]),
             );
         }
         if self.interpolate {
-            words.push(ImportOption::Interpolate.to_string());
+            words.push(ImportOption::Interpolate.on_command_line());
         }
         if let Some(property) = &self.property {
             words.extend(["--property".to_owned(), property.clone()]);

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{ImportOptions, Imported, Kind};
 use crate::datasets::rendered::{REVISION, Scene, World, scenes, sequence};
 use crate::datasets::{About, DatasetError, ImageStorage, Sequence, write_native};
+use crate::front_door::IMAGES;
 
 /// Id of the kind. Its sources are names, not files.
 pub(crate) const RENDERED: &str = "rendered";
@@ -42,7 +43,7 @@ pub(super) fn write(
 ) -> Result<(), DatasetError> {
     if matches!(images, ImageStorage::Link | ImageStorage::Copy) {
         return Err(DatasetError::new(
-            "--images",
+            IMAGES.to_string(),
             "a rendered scene has no images elsewhere",
             "leave it out",
         ));

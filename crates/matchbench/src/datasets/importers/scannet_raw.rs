@@ -21,6 +21,7 @@ use crate::counted::counted;
 use crate::datasets::listed::is_there;
 use crate::datasets::text::TextFile;
 use crate::datasets::{About, DatasetError, Frame, read_size};
+use crate::front_door::CAMERA;
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
     let given = given_camera(src, options, &["camera.txt", "K.txt"])?;
@@ -59,7 +60,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let scaled = other_size.map(|size| {
         let (width, height) = COLOR;
         format!(
-            "images have {size} pixels: K was scaled from {width}x{height}; --camera replaces it"
+            "images have {size} pixels: K was scaled from {width}x{height}; {CAMERA} replaces it"
         )
     });
     let notes = [

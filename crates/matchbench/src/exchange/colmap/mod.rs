@@ -30,11 +30,12 @@ use super::sparse::columns;
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source, bounded};
 use crate::arrays::{Array, Element, Kind};
 use crate::files::open_file;
+use crate::front_door::VERIFIED;
 use crate::matchers::MAX_MATCHES;
 
 pub(super) const COLMAP: Format = Format {
     id: "colmap",
-    layout: "database.db with images, keypoints and matches, or two_view_geometries with --verified",
+    layout: "database.db with images, keypoints and matches, or verified ones in two_view_geometries",
     pixel_center: Some(CENTER),
     resized: false,
     recognises: |probe| matches!(probe.content, Content::Sqlite),
@@ -75,9 +76,9 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
     if pairs.is_empty() {
         let what = format!("its table `{}` is empty", database.table);
         let remedy = if options.verified {
-            "leave --verified out, or let COLMAP verify the matches first"
+            format!("leave {VERIFIED} out, or let COLMAP verify the matches first")
         } else {
-            "match the images first"
+            "match the images first".to_owned()
         };
         return Err(ExchangeError::new(path, what, remedy));
     }
