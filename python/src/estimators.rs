@@ -197,7 +197,8 @@ pub(crate) fn matched(
     // It is above 1 where another candidate than the nearest was chosen.
     if let Some(row) = ambiguity.iter().position(|x| !(0.0..).contains(x)) {
         let message = format!(
-            "`ambiguity` is from 0 (certain) on, and mostly below 1; row {row} is {}",
+            "`ambiguity` is from 0 (certain) to 1 (a second candidate is as good), and above 1 where another candidate \
+             than the nearest was chosen; row {row} is {}",
             ambiguity[row]
         );
         return Err(value_error(message));

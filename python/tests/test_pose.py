@@ -284,8 +284,9 @@ def test_too_few_matches_are_no_pose():
     with pytest.raises(ValueError, match="4 points in image a and 3"):
         mb.estimator("best").estimate(points, points[:3], camera, camera)
     for ambiguity in (-1, np.nan):
-        with pytest.raises(ValueError, match="from 0.*row 3"):
+        with pytest.raises(ValueError, match="from 0.*row 3") as refused:
             mb.estimator("best").estimate(points, points, camera, camera, ambiguity=[0, 0, 0, ambiguity])
+        assert "and above 1 where another candidate than the nearest was chosen" in str(refused.value)
     with pytest.raises(ValueError, match="`turns`.*row 1.*leave them out"):
         mb.estimator("adaptive").estimate(points, points, camera, camera, turns=[0, np.nan, 0, 0])
     with pytest.raises(TypeError, match="turns.*4 numbers"):

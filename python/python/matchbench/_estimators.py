@@ -54,8 +54,9 @@ class Estimator:
         one match. Points are pixels of the original images, whose cameras these are; the centre of the first pixel is
         (0, 0).
 
-        `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good); without it every match has
-        0.5. Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
+        `ambiguity` has m numbers from 0 (certain) to 1 (a second candidate is as good), and above 1 where another
+        candidate than the nearest was chosen, as `Matches.ambiguity` may be; without it every match has 0.5.
+        Progressive samplers (`sampler="prosac"`) draw the least ambiguous matches first.
         `turns` has m angles in radians by which the keypoint of b is turned relative to that of a (`Matches.turns`).
         An estimator uses them with `turns=True`, as "adaptive" has it by default; every other one refuses them.
         `growths` has m logarithms of how many times as large the keypoint of b is as that of a (`Matches.growths`). An

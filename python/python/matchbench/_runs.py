@@ -68,6 +68,8 @@ def run(
     Images are grey arrays (height x width), or RGB (height x width x 3) if it has `color = True`; the result is
     `(points_a, points_b)` or `(points_a, points_b, ambiguity)`, or `Matches`. An ambiguity is from 0 (certain) to 1 (a
     second candidate is as good), and 0.5 where none are returned; a tool that has confidences returns `1 - confidence`.
+    It is above 1 where another candidate than the nearest was chosen; a run counts that of `Matches` as 1, and
+    refuses it in arrays.
     Its name in tables is `name`, or that of the function or class; `params` are recorded if it has them, and so is
     `version`. Without one, a digest of its code, its constants and, unless it has `params`, its simple attributes is its
     version, so a run that was begun with others is refused; what the code calls elsewhere, arrays and weights are not
