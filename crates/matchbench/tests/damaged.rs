@@ -104,6 +104,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
         "errors" => text(&[
             "R_err t_err\n0.5 1.25\n180 nan\n",
             "identifiers,pose_error\n\"room#0\",3.5\nroom#1,\n",
+            "scene,a,b,pose_error\nroom,0,1,3.5\nroom,1,2,\n",
         ]),
         #[cfg(unix)]
         "answers" => text(&[

@@ -22,7 +22,8 @@ pub(crate) struct EvalArgs {
     #[command(flatten)]
     pub scored: ScoredArgs,
     /// Score published pose errors instead: a folder with one table per dataset, whose header names its columns
-    /// (CSV, or the tables of ZEB). CSV output then ends with a row `mean`
+    /// (CSV, or the tables of ZEB). Columns `a` and `b` name the images of a pair, so that intervals know which pairs
+    /// share one. CSV output then ends with a row `mean`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
     pub errors: Option<PathBuf>,
     /// Score by the protocol of another benchmark, and say where the run departed from it: protocols of

@@ -11,8 +11,9 @@
 //! ZEB's errors of translations have lost their sign ([`is_without_sign`]).
 //!
 //! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
-//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), images are known by their names, so that
-//! intervals know which pairs share one; otherwise every pair stands alone.
+//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), or columns `a` and `b` name the images
+//! (and `scene` the scene that a name belongs to, if that is a column too), images are known by their names, so
+//! that intervals know which pairs share one; otherwise every pair stands alone.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -44,6 +45,10 @@ const TRANSLATION: [&str; 6] = [
 const POSE: [&str; 4] = ["pose_error", "pose_error_deg", "pose_err", "max_error"];
 /// Name of the column that tells which images a pair is of, in lower case.
 const IDENTIFIERS: &str = "identifiers";
+/// Names of the columns of the two images, in lower case.
+const IMAGES: [&str; 2] = ["a", "b"];
+/// Name of the column of the scene that the names of images belong to, in lower case.
+const SCENE: &str = "scene";
 
 /// Why a table of errors cannot be scored.
 #[derive(Debug, thiserror::Error)]
@@ -172,6 +177,64 @@ enum Columns {
     Larger(usize),
 }
 
+/// Where names of images are.
+#[derive(Clone, Copy)]
+enum Names {
+    Identifiers(usize),
+    Apart {
+        images: [usize; 2],
+        scene: Option<usize>,
+    },
+}
+
+impl Names {
+    /// Where they are, if they are there; or what is wrong with the header. Identifiers go before images, since they know
+    /// the scene.
+    fn among(header: &[String]) -> Result<Option<Self>, String> {
+        if let Some(identifiers) = column(header, &[IDENTIFIERS])? {
+            return Ok(Some(Self::Identifiers(identifiers)));
+        }
+        let [a, b] = IMAGES.map(|name| column(header, &[name]));
+        let (Some(a), Some(b)) = (a?, b?) else {
+            return Ok(None);
+        };
+        Ok(Some(Self::Apart {
+            images: [a, b],
+            scene: column(header, &[SCENE])?,
+        }))
+    }
+
+    /// The pair of a row, as a message names it.
+    fn pair(self, fields: &[String]) -> String {
+        match self {
+            Self::Identifiers(column) => fields[column].clone(),
+            Self::Apart { images, scene } => {
+                let columns = scene.into_iter().chain(images);
+                let names: Vec<&str> = columns.map(|column| &*fields[column]).collect();
+                names.join(" ")
+            }
+        }
+    }
+
+    /// The images of a row; `None` if an identifier does not tell them.
+    ///
+    /// # Errors
+    /// If an image has no name.
+    fn images(self, fields: &[String]) -> Result<Option<[String; 2]>, String> {
+        let (columns, scene) = match self {
+            Self::Identifiers(column) => return Ok(images(&fields[column])),
+            Self::Apart { images, scene } => (images, scene),
+        };
+        if let Some(index) = (0..2).find(|&index| fields[columns[index]].is_empty()) {
+            return Err(format!("column `{}` names no image", IMAGES[index]));
+        }
+        let scene = scene.map_or("", |column| &*fields[column]);
+        Ok(Some(
+            columns.map(|column| format!("{scene}#{}", fields[column])),
+        ))
+    }
+}
+
 /// The images of a pair, as ZEB writes it: `scene#image a#image b`, or `image a#image b`.
 fn images(identifier: &str) -> Option<[String; 2]> {
     let (first, second) = identifier.rsplit_once('#')?;
@@ -208,17 +271,15 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
         );
         (at, problem)
     })?;
-    let identifiers = column(&header, &[IDENTIFIERS]).map_err(|problem| (at, problem))?;
+    let names = Names::among(&header).map_err(|problem| (at, problem))?;
     let lines: Vec<(usize, Vec<String>)> = lines.map(|(line, row)| (line, split(row))).collect();
-    let named = |fields: &[String]| images(fields.get(identifiers?)?);
-    let mut numbers = BTreeMap::new();
-    for image in lines
-        .iter()
-        .filter_map(|(_, fields)| named(fields))
-        .flatten()
-    {
-        numbers.insert(image, 0);
-    }
+    // Rows are refused in their order, below.
+    let named = |fields: &[String]| match names {
+        Some(names) if fields.len() == header.len() => names.images(fields),
+        _ => Ok(None),
+    };
+    let known = (lines.iter()).filter_map(|(_, fields)| named(fields).ok()?);
+    let mut numbers: BTreeMap<String, u32> = known.flatten().map(|image| (image, 0)).collect();
     for (number, next) in numbers.values_mut().zip(0..) {
         *number = next;
     }
@@ -244,17 +305,18 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
                     })
                 }),
             };
-            if let Some(column) = identifiers
-                && let Some(first) = first_lines.insert(fields[column].clone(), line)
-            {
-                let problem = format!(
-                    "the pair `{}` is listed on line {first} already; delete one of the two lines",
-                    fields[column]
-                );
-                return Err((line, problem));
+            if let Some(names) = names {
+                let pair = names.pair(fields);
+                if let Some(first) = first_lines.insert(pair.clone(), line) {
+                    let problem = format!(
+                        "the pair `{pair}` is listed on line {first} already; delete one of the two lines"
+                    );
+                    return Err((line, problem));
+                }
             }
             // From the end, so that no image has the number of a row or of a name.
             let [a, b] = named(fields)
+                .map_err(|problem| (line, problem))?
                 .map_or([u32::MAX - index, numbers.len() as u32 + index], |its| {
                     its.map(|image| numbers[&image])
                 });
@@ -377,6 +439,30 @@ mod tests {
             images("t#2#3 1 1\ns#2#3 1 1\ns#1#2 1 1\n"),
             [(3, 4), (1, 2), (0, 1)]
         );
+    }
+
+    #[test]
+    fn images_are_known_by_their_columns_and_their_scene() {
+        let images = |table: &str| {
+            let pairs = parse(table).expect("in order");
+            pairs.iter().map(|p| (p.a, p.b)).collect::<Vec<_>>()
+        };
+        let rows = "x.png,y.png,1,s\ny.png,z.png,1,s\ny.png,z.png,1,t\n";
+        let shared = images(&format!("A,b,pose_error,scene\n{rows}"));
+        assert_eq!(shared, [(0, 1), (1, 2), (3, 4)]);
+        let zeb =
+            "identifiers R_errs t_errs\ns#x.png#y.png 1 1\ns#y.png#z.png 1 1\nt#y.png#z.png 1 1\n";
+        assert_eq!(images(zeb), shared);
+        // Identifiers know more, and one column alone tells no pair.
+        let both = zeb.replace('\n', " 7 7\n").replacen("7 7", "a b", 1);
+        assert_eq!(images(&both), shared);
+        let alone = images("a pose_error\n0 1\n0 1\n");
+        assert_eq!(alone, [(u32::MAX, 0), (u32::MAX - 1, 1)]);
+        let refused = |table: &str| parse(table).expect_err("no pair, or one twice");
+        let (line, problem) = refused("a,b,pose_error\n0,1,1\n0,,1\n");
+        assert!(line == 3 && problem == "column `b` names no image");
+        let (line, problem) = refused("a b pose_error\n0 1 1\n1 0 1\n0 1 9\n");
+        assert!(line == 4 && problem.starts_with("the pair `0 1` is listed on line 2 already"));
     }
 
     #[test]
