@@ -39,6 +39,26 @@ fn a_number_of_things_that_cannot_be_none_is_a_whole_number() {
 }
 
 #[test]
+fn where_one_of_two_arguments_is_needed_both_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (words, named) in [
+        (
+            &["show", "wall", "0", "1", "--out", "x.png"][..],
+            ["--matcher <ID>", "--matches <NAME=PATH"],
+        ),
+        (
+            &["plan", "wall", "--shards", "2", "--out", "p"],
+            ["--matchers <IDS>", "--matches <NAME=PATH"],
+        ),
+        (&["eval"], ["RESULTS", "--errors <DIR>"]),
+    ] {
+        let said = refused(folder.path(), words);
+        let missing = said.split("Usage").next().unwrap_or_default();
+        assert!(named.iter().all(|name| missing.contains(name)), "{said}");
+    }
+}
+
+#[test]
 fn a_cause_is_told_once() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

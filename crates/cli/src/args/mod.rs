@@ -7,7 +7,7 @@ mod runs;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use matchbench::estimators::ESTIMATORS;
 use matchbench::matchers::MATCHERS;
 use matchbench::protocols::PROTOCOLS;
@@ -145,6 +145,12 @@ pub(crate) struct ManArgs {
     /// Folder for matchbench.1 and a page for each command [default: matchbench.1 to standard output]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of which one must be given: the message names all if none is.
+fn one_of(group: &'static str, arguments: [&'static str; 2]) -> ArgGroup {
+    let group = ArgGroup::new(group).args(arguments);
+    group.required(true).multiple(true)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::one_of;
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -15,9 +16,10 @@ Examples:
   matchbench eval --errors zeb/root_sift --format csv
   matchbench eval runs/first --protocol superglue,roma
   matchbench eval --errors zeb/root_sift --protocol zeb")]
+#[command(group(one_of("scored", ["results", "errors"])))]
 pub(crate) struct EvalArgs {
     /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
-    #[arg(value_name = "RESULTS", required_unless_present = "errors")]
+    #[arg(value_name = "RESULTS")]
     pub results: Option<PathBuf>,
     #[command(flatten)]
     pub scored: ScoredArgs,

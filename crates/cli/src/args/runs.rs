@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use matchbench::records::KeepMatches;
 
+use super::one_of;
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -142,6 +143,7 @@ Examples:
   matchbench work plans/both --shard 1       # on any machine; and 2 to 16
   matchbench merge plans/both --out runs/both
   matchbench plan castle --matches mine=mine/matches --shards 16 --out plans/mine")]
+#[command(group(one_of("matched_by", ["matchers", "matches"])))]
 pub(crate) struct PlanArgs {
     /// Dataset folders
     #[arg(value_name = "DATASET", required = true)]
@@ -152,8 +154,7 @@ pub(crate) struct PlanArgs {
         long,
         value_name = "IDS",
         value_delimiter = ',',
-        value_parser = trimmed,
-        required_unless_present = "matches"
+        value_parser = trimmed
     )]
     pub matchers: Vec<String>,
     #[command(flatten)]
@@ -400,6 +401,7 @@ Examples:
   matchbench show office 0 7 --matcher orb --estimator best --keypoints --out pair.svg
   matchbench show boat 0 3 --matcher sift --estimator best-h --out pair.png
   matchbench show office 0 7 --matches lightglue=hloc --out pair.png")]
+#[command(group(one_of("matched_by", ["matcher", "matches"])))]
 pub(crate) struct ShowArgs {
     /// The dataset folder
     #[arg(value_name = "DATASET")]
@@ -411,12 +413,7 @@ pub(crate) struct ShowArgs {
     #[arg(value_name = "B")]
     pub b: String,
     /// The matcher (see `matchbench list matchers`); a path is that of the manifest of a matcher from outside
-    #[arg(
-        long,
-        value_name = "ID",
-        required_unless_present = "matches",
-        conflicts_with = "matches"
-    )]
+    #[arg(long, value_name = "ID", conflicts_with = "matches")]
     pub matcher: Option<String>,
     /// The estimator of poses or homographies [default: the one that belongs to the matcher; best for matches from
     /// files]
