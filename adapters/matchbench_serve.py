@@ -92,9 +92,10 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start
         return result
 
-    def features(path, size, seconds):
+    def features(path, size, seconds, extracted):
         if path not in known:
             image = Image(path, size)
+            extracted.append(path)
             known[path] = image, timed("extract", seconds, extract, image, params)
             while len(known) > keep:
                 known.popitem(last=False)
@@ -102,9 +103,9 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         return known[path]
 
     def matches(request, seconds):
-        sides = [(request["a"], request["size_a"]), (request["b"], request["size_b"])]
+        sides, extracted = [(request["a"], request["size_a"]), (request["b"], request["size_b"])], []
         if extract:
-            (a, of_a), (b, of_b) = (features(*side, seconds) for side in sides)
+            (a, of_a), (b, of_b) = (features(*side, seconds, extracted) for side in sides)
         else:
             of_a, of_b = a, b = [Image(*side) for side in sides]
         points_a, points_b, *certainty = timed("match", seconds, match, of_a, of_b, params)
@@ -113,7 +114,7 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         rows = np.column_stack([points_a, points_b, 1.0 - np.clip(certainty, 0.0, 1.0)])
         rows.astype("<f4").tofile(request["out"])
         counts = [len(of["keypoints"]) for of in (of_a, of_b)] if extract else None
-        found = {"features": counts} if counts else {}
+        found = {"features": counts, "extracted": len(extracted)} if extract else {}
         return dict(type="matched", pair=request["pair"], count=len(rows), **found)
 
     def described(request, seconds):

@@ -45,6 +45,35 @@ def test_a_matcher_that_reads_standard_input_takes_no_request(tmp_path: Path) ->
         assert np.fromfile(tmp_path / f"{b}.f32", "<f4").tolist() == [1, 2, 3, 4, 0]
 
 
+STAGED = f"""
+import sys
+sys.path.insert(0, {str(ADAPTERS)!r})
+from matchbench_serve import serve
+
+
+def extract(image, params):
+    return {{"keypoints": [[1, 2]]}}
+
+
+def match(of_a, of_b, params):
+    return of_a["keypoints"], of_b["keypoints"]
+
+
+serve(extract=extract, match=match, keep=1)
+"""
+
+
+def test_the_time_of_an_image_is_half_of_that_of_two(dataset: mb.Dataset, tmp_path: Path) -> None:
+    (tmp_path / "staged.py").write_text(STAGED)
+    manifest = tmp_path / "staged.toml"
+    manifest.write_text(f'name = "staged"\ncommand = [{json.dumps(sys.executable)}, "staged.py"]\n')
+    run = mb.run(dataset, manifest, "best", out=tmp_path / "run", progress=False)
+    (records,) = run.path.glob("records/*/*.jsonl")
+    times = [json.loads(line)["times"] for line in records.read_text().splitlines()]
+    # Only the second image of a pair is kept for the next, which begins with another.
+    assert len(times) == 3 and all(each["extract_a"] == each["extract_b"] > 0 for each in times)
+
+
 FEATURES = f"""
 import sys
 import numpy as np

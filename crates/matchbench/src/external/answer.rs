@@ -52,6 +52,8 @@ pub struct Times {
     pub own: BTreeMap<String, f64>,
     /// What it computed on, by its own word.
     pub device: Option<String>,
+    /// How many images `extract` is for, if the child says it.
+    pub extracted: Option<u32>,
 }
 
 impl Times {
@@ -80,7 +82,47 @@ impl Times {
         if !device.iter().all(printable) {
             return Err("its `device` is no name".into());
         }
-        Ok(Self { wall, own, device })
+        Ok(Self {
+            wall,
+            own,
+            device,
+            extracted: None,
+        })
+    }
+
+    /// The same times, whose `extract` is for so many images of a pair, if the child says it.
+    ///
+    /// # Errors
+    /// If it cannot be, in words.
+    pub(super) fn of_images(self, extracted: Option<u32>) -> Result<Self, String> {
+        match (extracted, self.extract()) {
+            (Some(images @ 3..), _) => Err(format!(
+                "its `extracted` is {images}; a pair has two images"
+            )),
+            (Some(0), Some(seconds)) if seconds > 0.0 => Err(format!(
+                "its `extracted` is 0, but its `seconds` of \"extract\" are {seconds}"
+            )),
+            (Some(images @ 1..), None) => Err(format!(
+                "its `extracted` is {images}, but its `seconds` have no \"extract\""
+            )),
+            _ => Ok(Self { extracted, ..self }),
+        }
+    }
+
+    fn extract(&self) -> Option<f64> {
+        self.own.get("extract").copied()
+    }
+
+    /// The time of each image that was extracted. Of one that is not told apart, it stands for image a; without a number
+    /// of images, it counts as that of one, and 0 as that of none.
+    pub(super) fn of_each_image(&self) -> [Option<f64>; 2] {
+        let extract = self.extract();
+        match self.extracted {
+            None => [extract.filter(|&seconds| seconds > 0.0), None],
+            Some(0) => [None; 2],
+            Some(1) => [extract, None],
+            Some(_) => [extract.map(|seconds| seconds / 2.0); 2],
+        }
     }
 }
 
@@ -327,6 +369,35 @@ mod tests {
             (13, [3, 4], "13 matches of 3 and 4 features"),
         ] {
             let wrong = check_features(count, Some(features)).unwrap_err();
+            assert!(wrong.contains(named), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_time_of_an_image_is_that_of_the_images_that_were_extracted() {
+        let times = |extract: Option<f64>, extracted| {
+            let own = extract.map(|seconds| ("extract".to_owned(), seconds));
+            let times = Times::new(1.0, own.into_iter().collect(), None);
+            times.and_then(|times| times.of_images(extracted))
+        };
+        for (extract, extracted, each) in [
+            (Some(0.5), None, [Some(0.5), None]),
+            (Some(0.0), None, [None; 2]),
+            (None, None, [None; 2]),
+            (Some(0.5), Some(1), [Some(0.5), None]),
+            (Some(0.5), Some(2), [Some(0.25); 2]),
+            (Some(0.0), Some(0), [None; 2]),
+            (None, Some(0), [None; 2]),
+        ] {
+            let times = times(extract, extracted).expect("it can be");
+            assert_eq!(times.of_each_image(), each, "{extract:?} {extracted:?}");
+        }
+        for (extract, extracted, named) in [
+            (Some(0.5), 3, "`extracted` is 3; a pair has two images"),
+            (Some(0.5), 0, "`extracted` is 0, but"),
+            (None, 2, "`seconds` have no \"extract\""),
+        ] {
+            let wrong = times(extract, Some(extracted)).expect_err("it cannot be");
             assert!(wrong.contains(named), "{wrong}");
         }
     }

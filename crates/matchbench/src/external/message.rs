@@ -76,6 +76,8 @@ pub(super) enum Answer {
         #[serde(default)]
         features: Option<[u32; 2]>,
         #[serde(default)]
+        extracted: Option<u32>,
+        #[serde(default)]
         seconds: BTreeMap<String, f64>,
         #[serde(default)]
         device: Option<String>,
@@ -182,6 +184,8 @@ mod tests {
             json!({"type": "matched", "pair": [3, 4], "count": 0, "feature": [1, 2]}),
             json!({"type": "matched", "pair": [3, 4, 5], "count": 0}),
             json!({"type": "matched", "pair": [3, 4], "count": -1}),
+            json!({"type": "matched", "pair": [3, 4], "count": 1, "extracted": -1}),
+            json!({"type": "described", "image": "/a", "count": 0, "extracted": 1}),
             json!({"type": "matched", "pair": [3, -4], "count": 1}),
             json!({"type": "info"}),
         ] {

@@ -11,14 +11,16 @@
 //! > {"type":"match","pair":[0,1],"a":"/abs/a.png","b":"/abs/b.png",
 //!    "size_a":[w,h],"size_b":[w,h],"out":"/abs/0_1.f32"}
 //! < {"type":"matched","pair":[0,1],"count":498,"features":[2048,2031],
-//!    "seconds":{"extract":0.0,"match":1.9},"device":"cpu"}         the last three may be absent
+//!    "extracted":2,"seconds":{"extract":0.8,"match":1.9},
+//!    "device":"cpu"}                                               the last four may be absent
 //! < {"type":"failed","pair":[0,1],"reason":".."}                   nothing can be said of this pair
 //! > {"type":"bye"}                                                 and standard input is closed
 //! ```
 //!
 //! `out` holds `count` times five little-endian `f32`: x_a, y_a, x_b, y_b in pixels of the original images,
 //! whose first pixel has its centre at `pixel_center` (0 or 0.5), and the ambiguity, from 0 (certain) to 1.
-//! `features` are the numbers of features of a and b; `count` is at most their product. Neither cameras nor
+//! `features` are the numbers of features of a and b; `count` is at most their product.
+//! `extracted` is how many of the two images `extract` is for (0, 1 or 2). Neither cameras nor
 //! poses are sent: the child is not given the truth. It is not kept from looking for it either: it gets the paths of
 //! images, and nothing confines it.
 //!

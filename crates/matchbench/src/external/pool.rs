@@ -156,6 +156,7 @@ impl External {
             Answer::Matched {
                 count,
                 features,
+                extracted,
                 seconds,
                 device,
                 ..
@@ -163,7 +164,7 @@ impl External {
                 answer::check_features(count, features)?;
                 let sizes = [a.size, b.size];
                 let rows = answer::read_rows(&out, count, sizes, self.identity.pixel_center)?;
-                let times = Times::new(wall, seconds, device)?;
+                let times = Times::new(wall, seconds, device)?.of_images(extracted)?;
                 Ok(Matched {
                     rows,
                     features,

@@ -94,7 +94,6 @@ impl PointSource for Pairs {
             features,
             times,
         } = self.0.match_pair(pair.frames, a, b)?;
-        let own = |stage: &str| times.own.get(stage).copied();
         let rest: f64 = (times.own.iter())
             .filter(|(stage, _)| *stage != "extract")
             .map(|(_, seconds)| seconds)
@@ -104,8 +103,7 @@ impl PointSource for Pairs {
             features: features.unwrap_or_default(),
             putative: None,
             seconds: SourceSeconds {
-                // The child gives one time for both images, recorded for a; 0 means that neither was extracted now.
-                extract: [own("extract").filter(|seconds| *seconds > 0.0), None],
+                extract: times.of_each_image(),
                 matching: (!times.own.is_empty()).then_some(rest),
                 wall: Some(times.wall),
                 device: times.device,

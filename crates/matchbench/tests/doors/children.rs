@@ -27,7 +27,7 @@ pub(crate) const READY: &str =
     "{\"type\":\"ready\",\"protocol\":1,\"name\":\"x\",\"version\":\"1\",\"pixel_center\":0.5}\n";
 /// The answer to a question for matches, of which two are in [`rows`].
 pub(crate) const MATCHED: &str = "{\"type\":\"matched\",\"pair\":[0,1],\"count\":2,\"features\":[3,2],\
-     \"seconds\":{\"extract\":0.25,\"match\":0.5},\"device\":\"cpu\"}\n";
+     \"extracted\":2,\"seconds\":{\"extract\":0.25,\"match\":0.5},\"device\":\"cpu\"}\n";
 
 /// The answer of one that has no matches.
 pub(crate) const FAILED: &str = "{\"type\":\"failed\",\"pair\":[0,1],\"reason\":\"no memory\"}\n";

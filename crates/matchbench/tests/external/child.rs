@@ -149,6 +149,11 @@ fn misbehave(behaviour: &str, request: &Value) {
             answer["seconds"] = json!({"extract": 1e308, "match": 1e308});
             say(&answer);
         }
+        "extracts-three" => {
+            let mut answer = matched(request, 0);
+            answer["extracted"] = json!(3);
+            say(&answer);
+        }
         "greets-again" => say(&ready(1, "1.0", 0.5)),
         "cannot" => {
             say(&json!({"type": "failed", "pair": request["pair"], "reason": "no\x07 memory"}));

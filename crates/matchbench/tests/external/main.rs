@@ -179,6 +179,7 @@ fn whoever_misbehaves_over_a_pair_loses_that_pair_alone() {
         ("misspells", "feature"),
         ("negative-time", "seconds"),
         ("endless-time", "1e308 seconds are no time of a stage"),
+        ("extracts-three", "`extracted` is 3"),
         ("greets-again", "not asked for"),
     ] {
         let bench = Bench::new(behaviour);
