@@ -63,18 +63,18 @@ pub(super) unsafe fn compare_pairs(
 ) -> Vec<u64> {
     const STEPS: usize = 64 / STEP;
     let mut bits = Vec::with_capacity(4 * centres.len());
+    let Some((&first, others)) = turns.split_first() else {
+        return bits;
+    };
     let upright = upright(pairs);
     let mut places = [[Places([0; STEP]); 256 / STEP]; 2];
     let [mut these, mut next] = places.each_mut();
-    // One turn more than there are centres: places are turned one keypoint ahead.
-    let mut turns = turns.iter().copied().chain([[1.0, 0.0]]);
-    let mut turn = turns.next().unwrap_or_default();
     for (upright, places) in upright.iter().zip(these.iter_mut()) {
-        turn_places(upright, turn, pixels.width, places);
+        turn_places(upright, first, pixels.width, places);
     }
-    for &centre in centres {
+    // After the last keypoint there is none to turn for; any turn will do.
+    for (&centre, &turn) in centres.iter().zip(others.iter().chain(&[first])) {
         let square = pixels.square(centre, PAIR_REACH);
-        turn = turns.next().unwrap_or_default();
         let steps = these
             .as_chunks::<STEPS>()
             .0
