@@ -140,7 +140,8 @@ pub use five_point::{COORDINATES, FivePointModels, SAMPLES, five_point_of_eight}
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{
-    Gradients, PatchGrid, PatchSums, Span, Window, add_directions, grid_columns, patch_sums,
+    Gradients, PatchGrid, PatchSums, Span, Window, add_directions, add_weighted, grid_columns,
+    patch_sums,
 };
 pub use instructions::InstructionSet;
 pub use latch::{WINDOW, compare_patches, turn_places};

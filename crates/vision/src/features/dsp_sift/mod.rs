@@ -51,6 +51,7 @@ use super::{
 };
 use crate::image::{GrayImage, Size};
 use crate::params::ParamError;
+use crate::simd::add_weighted;
 
 /// Bytes for each pixel of the image besides those of SIFT: sums of descriptors and where they are made.
 const BYTES_PER_PIXEL: usize = 8;
@@ -161,10 +162,7 @@ impl DspSift {
             let index = place.index / domains.len();
             let angle = keypoints[index].angle.expect("those of SIFT have angles");
             let one = describer.sums(place.layer, place.at, place.scale, angle);
-            let weight = 1.0 / place.scale;
-            for (sum, value) in sums[index].iter_mut().zip(one) {
-                *sum = weight.mul_add(value, *sum);
-            }
+            add_weighted(&one, 1.0 / place.scale, &mut sums[index]);
         });
         let descriptors = sums.iter().flat_map(|sums| normalized(sums).map(f32::from));
         let descriptors = FloatRows::from_vec(LENGTH, descriptors.collect());
@@ -237,9 +235,7 @@ impl EllipsePass {
             for (sums, &angle) in sums.iter_mut().zip(angles) {
                 let middle = Point2::new(MIDDLE as f32, MIDDLE as f32);
                 let one = self.describer.sums(patch, middle, SCALE, angle);
-                for (sum, value) in sums.iter_mut().zip(one) {
-                    *sum += value;
-                }
+                add_weighted(&one, 1.0, sums);
             }
         }
         for (sums, &angle) in sums.into_iter().zip(angles) {

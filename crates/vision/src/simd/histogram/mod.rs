@@ -77,6 +77,13 @@ multiversioned! {
         })
     }
 
+    /// Adds the weighted sums of a patch to others, each rounded once.
+    pub fn add_weighted(patch: &PatchSums, weight: f32, to: &mut PatchSums) {
+        for (sum, value) in to.iter_mut().zip(patch) {
+            *sum = weight.mul_add(*value, *sum);
+        }
+    }
+
     /// The first and the last offset x where a row of pixels, each at an offset y from `top` on, can lie
     /// within the grid and half a cell around it: `|x cos + y sin| < 2.5` and `|y cos - x sin| < 2.5`, and
     /// one more to be safe of rounding.
