@@ -31,17 +31,12 @@ multiversioned! {
     /// If the image has less than two columns or no row, or `data` does not hold all its rows.
     pub fn turn_row(source: Source<'_>, turn: &Turn, y: usize, row: &mut [f32]) {
         assert!(source.width > 1 && source.height > 0, "two columns");
-        let count = row.len();
-        for first in (0..count).step_by(TURNED) {
-            if first + TURNED <= count {
-                turn_block::<TURNED>(source, turn, y, first, row);
-            } else if TURNED <= count {
-                // The last block again makes some of what is made.
-                turn_block::<TURNED>(source, turn, y, count - TURNED, row);
-            } else {
-                for x in first..count {
-                    turn_block::<1>(source, turn, y, x, row);
-                }
+        for first in whole_blocks(row.len(), TURNED) {
+            turn_block::<TURNED>(source, turn, y, first, row);
+        }
+        if row.len() < TURNED {
+            for x in 0..row.len() {
+                turn_block::<1>(source, turn, y, x, row);
             }
         }
     }
@@ -52,19 +47,24 @@ multiversioned! {
     /// # Panics
     /// If a row is shorter than `out`.
     pub fn weigh_rows_to_u8(rows: &[&[f32]], weights: &[f32], out: &mut [u8]) {
-        let count = out.len();
-        for first in (0..count).step_by(SUMMED) {
-            if first + SUMMED <= count {
-                weigh_block::<SUMMED>(rows, weights, first, out);
-            } else if SUMMED <= count {
-                weigh_block::<SUMMED>(rows, weights, count - SUMMED, out);
-            } else {
-                for x in first..count {
-                    weigh_block::<1>(rows, weights, x, out);
-                }
+        for first in whole_blocks(out.len(), SUMMED) {
+            weigh_block::<SUMMED>(rows, weights, first, out);
+        }
+        if out.len() < SUMMED {
+            for x in 0..out.len() {
+                weigh_block::<1>(rows, weights, x, out);
             }
         }
     }
+}
+
+/// Where blocks of this `size` begin that cover `count` columns; none if there are fewer. The last block again makes some of
+/// what the one before it makes.
+#[inline(always)]
+fn whole_blocks(count: usize, size: usize) -> impl Iterator<Item = usize> {
+    let last = count.checked_sub(size);
+    last.into_iter()
+        .flat_map(move |last| (0..count).step_by(size).map(move |first| first.min(last)))
 }
 
 #[inline(always)]
