@@ -134,10 +134,15 @@ multiversioned! {
 
 #[cfg(test)]
 mod tests {
+    #[cfg(target_arch = "x86_64")]
     use super::super::coarse::WORTH;
     use super::*;
     use crate::seed::Seed;
     use crate::simd::InstructionSet;
+
+    /// Other processors always make single comparisons.
+    #[cfg(not(target_arch = "x86_64"))]
+    const WORTH: usize = 1_000;
 
     /// The definition, one pair at a time.
     fn defined(a: &[f32], b: &[f32], dim: usize) -> Vec<TwoNearest> {

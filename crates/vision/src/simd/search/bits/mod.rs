@@ -255,6 +255,7 @@ multiversioned! {
 mod tests {
     use super::*;
     use crate::seed::{Rng, Seed};
+    use crate::simd::InstructionSet;
 
     fn draw(rng: &mut Rng, words: usize) -> Vec<u64> {
         let word = |rng: &mut Rng| u64::from(rng.next_u32()) << 32 | u64::from(rng.next_u32());
