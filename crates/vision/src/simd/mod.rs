@@ -136,7 +136,7 @@ pub use extrema::{ThreeRows, find_extrema, find_extrema_of_differences, find_max
 pub use fast::{segment_scores, strict_maxima, weak_maxima};
 #[cfg(test)]
 pub use five_point::roots_of_each;
-pub use five_point::{COORDINATES, FivePointModels, SAMPLES, five_point_of_eight};
+pub use five_point::{COORDINATES, SAMPLES, five_point_of_eight};
 pub use freak::{Fields, compare_means, field_means};
 pub use gradient::{polar_gradients, turns};
 pub use histogram::{

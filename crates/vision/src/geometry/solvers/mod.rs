@@ -35,6 +35,11 @@ impl<T: Copy + Default, const N: usize> Solutions<T, N> {
         }
     }
 
+    /// Removes all of them.
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+
     /// Keeps only those for which `keep` is true, in their order.
     pub fn retain(&mut self, mut keep: impl FnMut(&T) -> bool) {
         let mut kept = 0;

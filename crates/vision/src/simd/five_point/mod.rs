@@ -1,22 +1,24 @@
 //! Essential matrices of five matches, for eight samples at once.
 //!
 //! [`crate::geometry::solvers::five_point`] says what is computed and why. Nearly all of it is the same arithmetic
-//! for every sample, so each sample has a lane. Samples have different numbers of roots; so roots are put together
-//! eight at a time, whichever sample they belong to.
+//! for every sample, so each sample has a lane. Samples have different numbers of roots; so roots, and the intervals in which
+//! they are looked for, are put together eight at a time, whichever sample they belong to.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "places in rows, columns and lanes are the subject"
 )]
 
+mod isolation;
+mod newton;
 mod polish;
 mod polynomials;
 mod roots;
 
-use super::lanes::{LANES, Lanes, Mask, Portable};
-use polish::{Candidate, candidates, polish};
+use super::lanes::{LANES, Lanes, Mask, Portable, values_of};
+use polish::{Candidates, add_candidates, polish};
 use polynomials::polynomials;
-use roots::{Root, roots_of_eight};
+use roots::roots_of_eight;
 
 #[cfg(test)]
 pub use roots::roots_of_each;
@@ -25,33 +27,19 @@ pub use roots::roots_of_each;
 pub const SAMPLES: usize = LANES;
 /// Coordinates of a sample: x and y in view a of its five points, then those in view b.
 pub const COORDINATES: usize = 20;
-/// Models of so many samples, at most.
-pub const MODELS: usize = 10 * SAMPLES;
+/// Models of a sample, at most.
+const MODELS: usize = 10;
+/// Models of all samples, and as many more as are written at once.
+const ROOM: usize = MODELS * SAMPLES + LANES;
 
-/// The models of eight samples, those of one sample after those of the one before.
-#[derive(Clone, Debug)]
-pub struct FivePointModels {
-    /// Row after row, of Frobenius norm 1.
-    pub models: [[f64; 9]; MODELS],
-    /// How many models each sample has.
-    pub counts: [usize; SAMPLES],
-}
-
-impl FivePointModels {
-    /// No models.
-    pub const NONE: Self = Self {
-        models: [[0.0; 9]; MODELS],
-        counts: [0; SAMPLES],
-    };
-}
-
-/// Writes the essential matrices of eight samples (see [`crate::geometry::solvers::five_point`]); `samples` has
-/// the coordinates of each in turn, and a sample of NaN has no models. With `oriented`, only those that
-/// [agree in orientation](crate::geometry::agree_in_orientation) with all five matches.
+/// Finds the essential matrices of eight samples (see [`crate::geometry::solvers::five_point`]); `samples` has the
+/// coordinates of each in turn, and a sample of NaN has no models. With `oriented`, only those that
+/// [agree in orientation](crate::geometry::agree_in_orientation) with all five matches. `take` gets the number of a sample
+/// and a model of it: row after row, of Frobenius norm 1. Those of one sample come in the order of their roots.
 pub fn five_point_of_eight(
     samples: &[[f64; COORDINATES]; SAMPLES],
     oriented: bool,
-    out: &mut FivePointModels,
+    take: &mut dyn FnMut(usize, &[f64; 9]),
 ) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -59,35 +47,36 @@ pub fn five_point_of_eight(
         use super::lanes::{Avx2, Avx512};
 
         type Samples = [[f64; COORDINATES]; SAMPLES];
+        type Take<'a> = &'a mut dyn FnMut(usize, &[f64; 9]);
 
         #[target_feature(enable = "avx2,fma")]
-        fn avx2(samples: &Samples, oriented: bool, out: &mut FivePointModels) {
-            solve::<Avx2>(samples, oriented, out);
+        fn avx2(samples: &Samples, oriented: bool, take: Take<'_>) {
+            solve::<Avx2>(samples, oriented, take);
         }
 
         #[target_feature(enable = "avx2,fma,avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
-        fn avx512(samples: &Samples, oriented: bool, out: &mut FivePointModels) {
-            solve::<Avx512>(samples, oriented, out);
+        fn avx512(samples: &Samples, oriented: bool, take: Take<'_>) {
+            solve::<Avx512>(samples, oriented, take);
         }
 
         match InstructionSet::in_use() {
             // SAFETY: no more is in use than was detected on this processor.
             InstructionSet::Avx512 | InstructionSet::Amx => {
-                return unsafe { avx512(samples, oriented, out) };
+                return unsafe { avx512(samples, oriented, take) };
             }
             // SAFETY: as before.
-            InstructionSet::Avx2 => return unsafe { avx2(samples, oriented, out) },
+            InstructionSet::Avx2 => return unsafe { avx2(samples, oriented, take) },
             InstructionSet::Portable => {}
         }
     }
-    solve::<Portable>(samples, oriented, out);
+    solve::<Portable>(samples, oriented, take);
 }
 
 #[inline(always)]
 fn solve<V: Lanes>(
     samples: &[[f64; COORDINATES]; SAMPLES],
     oriented: bool,
-    out: &mut FivePointModels,
+    take: &mut dyn FnMut(usize, &[f64; 9]),
 ) {
     let mut points = [V::zero(); COORDINATES];
     for (i, point) in points.iter_mut().enumerate() {
@@ -98,32 +87,24 @@ fn solve<V: Lanes>(
         *point = V::new(values);
     }
     let reduced = polynomials(&points);
-    let mut roots = [Root::NONE; MODELS];
-    let count = roots_of_eight(&reduced.determinant, &mut roots);
-    let mut kept = [Candidate::NONE; MODELS];
-    let mut number = 0;
-    for start in (0..count).step_by(LANES) {
-        let some = &roots[start..count.min(start + LANES)];
-        let (found, keep) = candidates(&reduced, &points, some, oriented);
-        for lane in 0..some.len() {
-            if keep.at(lane) {
-                kept[number] = found[lane];
-                number += 1;
-            }
-        }
+    let roots = roots_of_eight(&reduced.determinant);
+    let mut kept = Candidates::new();
+    for first in (0..roots.len()).step_by(LANES) {
+        let (some, are_there) = roots.eight(first);
+        add_candidates(&reduced, &points, some, are_there, oriented, &mut kept);
     }
-    out.counts = [0; SAMPLES];
-    let mut next = 0;
-    for start in (0..number).step_by(LANES) {
-        let some = &kept[start..number.min(start + LANES)];
-        let (models, good) = polish(&reduced, some);
-        for (lane, candidate) in some.iter().enumerate() {
+    for first in (0..kept.len()).step_by(LANES) {
+        let (some, are_there) = kept.eight(first);
+        let (models, good) = polish(&reduced, some, are_there);
+        let models = values_of(&models);
+        let samples = some[4].values();
+        for lane in 0..LANES {
             if good.at(lane) {
+                let mut model = [0.0; 9];
                 for i in 0..9 {
-                    out.models[next][i] = models[i][lane];
+                    model[i] = models[i][lane];
                 }
-                out.counts[candidate.sample as usize] += 1;
-                next += 1;
+                take(samples[lane] as usize, &model);
             }
         }
     }
@@ -152,15 +133,18 @@ mod tests {
             }
             samples[3][round % COORDINATES] = [f64::NAN, f64::INFINITY, 1e300][round % 3];
             for oriented in [false, true] {
-                let mut portable = FivePointModels::NONE;
-                solve::<Portable>(&samples, oriented, &mut portable);
-                let models: usize = portable.counts.iter().sum();
-                assert!(models > 0 && portable.counts[2] == 0);
+                let mut portable = vec![Vec::new(); SAMPLES];
+                solve::<Portable>(&samples, oriented, &mut |sample, model| {
+                    portable[sample].push(*model);
+                });
+                assert!(portable.iter().any(|models| !models.is_empty()));
+                assert!(portable[2].is_empty());
                 InstructionSet::for_each(|set| {
-                    let mut wide = FivePointModels::NONE;
-                    five_point_of_eight(&samples, oriented, &mut wide);
-                    assert_eq!(wide.counts, portable.counts, "{set:?}");
-                    assert_eq!(wide.models[..models], portable.models[..models], "{set:?}");
+                    let mut wide = vec![Vec::new(); SAMPLES];
+                    five_point_of_eight(&samples, oriented, &mut |sample, model| {
+                        wide[sample].push(*model);
+                    });
+                    assert_eq!(wide, portable, "{set:?}");
                 });
             }
         }

@@ -1,8 +1,8 @@
 //! From roots to essential matrices, eight at a time.
 
+use super::ROOM;
 use super::polynomials::{Reduced, Row};
-use super::roots::Root;
-use crate::simd::lanes::{LANES, Lanes, Mask, lanes_of, values_of};
+use crate::simd::lanes::{LANES, Lanes, Mask, Pool};
 
 /// Residuals of unit-norm matrices below this are as good as rounding lets them be.
 const POLISHED: f64 = 1e-14;
@@ -16,70 +16,42 @@ const MAX_POLISHING_STEPS: usize = 5;
 /// A 3 x 3 matrix, row after row.
 type Matrix<V> = [V; 9];
 
-/// What the matrix of a root is, as coordinates in the basis of its sample.
-#[derive(Clone, Copy)]
-pub(super) struct Candidate {
-    pub(super) sample: u32,
-    at: [f64; 4],
-}
+/// What matrices of roots are, as coordinates in the basis of their sample; then the sample.
+pub(super) type Candidates = Pool<5, ROOM>;
 
-impl Candidate {
-    pub(super) const NONE: Self = Self {
-        sample: 0,
-        at: [0.0; 4],
-    };
-}
-
-/// The candidates of at most eight roots, and which of them to keep: with `oriented`, those that agree in orientation
-/// with all five matches, which need not be told to the last digit.
+/// Adds the candidates of those roots that are there: with `oriented`, those that agree in orientation with all five matches,
+/// which need not be told to the last digit.
 #[inline(always)]
-pub(super) fn candidates<V: Lanes>(
+pub(super) fn add_candidates<V: Lanes>(
     reduced: &Reduced<V>,
     points: &[V; 20],
-    roots: &[Root],
+    [z, sample]: [V; 2],
+    are_there: V::Mask,
     oriented: bool,
-) -> ([Candidate; LANES], V::Mask) {
-    let mut samples = [0; LANES];
-    let mut z = [0.0; LANES];
-    for (lane, root) in roots.iter().enumerate() {
-        samples[lane] = root.sample as usize;
-        z[lane] = root.z;
-    }
+    candidates: &mut Candidates,
+) {
+    let places = places_of(sample);
     // The basis is orthonormal, so a unit vector of coordinates is a matrix of norm 1.
-    let at = unit(back_substitute(&reduced.rows, V::new(z), &samples));
-    let mut keep = V::Mask::first(roots.len());
+    let at = unit(back_substitute(&reduced.rows, z, places));
+    let mut keep = are_there;
     if oriented {
-        let e = combine(&gather_basis(reduced, &samples), &at);
-        keep = keep.and(agree_in_orientation(&e, points, &samples));
+        let e = combine(&basis_of(reduced, places), &at);
+        keep = keep.and(agree_in_orientation(&e, points, places));
     }
-    let at = values_of(&at);
-    let mut found = [Candidate::NONE; LANES];
-    for (lane, found) in found.iter_mut().enumerate() {
-        found.sample = samples[lane] as u32;
-        for i in 0..4 {
-            found.at[i] = at[i][lane];
-        }
-    }
-    (found, keep)
+    let [x, y, z, w] = at;
+    candidates.push(keep, &[x, y, z, w, sample]);
 }
 
-/// The matrices of at most eight candidates, and which of them are solutions.
+/// The matrices of candidates, and which of those that are there are solutions.
 #[inline(always)]
 pub(super) fn polish<V: Lanes>(
     reduced: &Reduced<V>,
-    candidates: &[Candidate],
-) -> ([[f64; LANES]; 9], V::Mask) {
-    let mut samples = [0; LANES];
-    let mut coordinates = [[0.0; LANES]; 4];
-    for (lane, candidate) in candidates.iter().enumerate() {
-        samples[lane] = candidate.sample as usize;
-        for i in 0..4 {
-            coordinates[i][lane] = candidate.at[i];
-        }
-    }
-    let mut at = lanes_of(&coordinates);
-    let basis = gather_basis(reduced, &samples);
-    let mut going = V::Mask::first(candidates.len());
+    [x, y, z, w, sample]: [V; 5],
+    are_there: V::Mask,
+) -> ([V; 9], V::Mask) {
+    let mut at = [x, y, z, w];
+    let basis = basis_of(reduced, places_of(sample));
+    let mut going = are_there;
     let mut good = V::Mask::none();
     let mut found = [V::zero(); 9];
     for step in 0..=MAX_POLISHING_STEPS {
@@ -114,7 +86,7 @@ pub(super) fn polish<V: Lanes>(
         at = unit(moved);
         going = going.and(definite);
     }
-    (values_of(&found), good)
+    (found, good)
 }
 
 /// A step of Gauss and Newton, and where its equations have a solution.
@@ -153,12 +125,12 @@ fn step_from<V: Lanes>(
 
 /// (x, y, z, 1) up to scale for a root z: the null vector of B(z).
 #[inline(always)]
-fn back_substitute<V: Lanes>(rows: &[Row<V>; 3], z: V, samples: &[usize; LANES]) -> [V; 4] {
+fn back_substitute<V: Lanes>(rows: &[Row<V>; 3], z: V, places: V::Places) -> [V; 4] {
     let mut vectors = [[V::zero(); 3]; 3];
     for (vector, row) in vectors.iter_mut().zip(rows) {
         for (value, polynomial) in vector.iter_mut().zip([&row.x[..], &row.y, &row.one]) {
             for c in polynomial.iter().rev() {
-                *value = *value * z + gather(c, samples);
+                *value = *value * z + c.taken(places);
             }
         }
     }
@@ -182,18 +154,18 @@ fn null_vector<V: Lanes>([k, l, m]: &[[V; 3]; 3]) -> [V; 3] {
 
 /// Whether all five matches of the samples are on the same side of their epipoles.
 #[inline(always)]
-fn agree_in_orientation<V: Lanes>(
-    e: &Matrix<V>,
-    points: &[V; 20],
-    samples: &[usize; LANES],
-) -> V::Mask {
+fn agree_in_orientation<V: Lanes>(e: &Matrix<V>, points: &[V; 20], places: V::Places) -> V::Mask {
     let epipole = null_vector(&[[e[0], e[3], e[6]], [e[1], e[4], e[7]], [e[2], e[5], e[8]]]);
     let mut agree = V::Mask::all();
     let mut first = V::Mask::none();
     for k in 0..5 {
-        let point = |at: usize| gather(&points[at], samples);
-        let a = [point(2 * k), point(2 * k + 1)];
-        let b = [point(10 + 2 * k), point(11 + 2 * k), V::all(1.0)];
+        let (a, b) = (2 * k, 10 + 2 * k);
+        let a = [points[a].taken(places), points[a + 1].taken(places)];
+        let b = [
+            points[b].taken(places),
+            points[b + 1].taken(places),
+            V::all(1.0),
+        ];
         let side = cross(&epipole, &b);
         let mut line = [V::zero(); 3];
         for i in 0..3 {
@@ -242,24 +214,22 @@ fn solve<V: Lanes>(m: &mut [[V; 4]; 4], mut b: [V; 4]) -> ([V; 4], V::Mask) {
     (b, definite)
 }
 
-/// Takes a value of each sample to the lanes of these.
+/// The lanes of samples.
 #[inline(always)]
-fn gather<V: Lanes>(from: &V, samples: &[usize; LANES]) -> V {
-    let from = from.values();
-    let mut lanes = [0.0; LANES];
-    for lane in 0..LANES {
-        lanes[lane] = from[samples[lane] % LANES];
+fn places_of<V: Lanes>(samples: V) -> V::Places {
+    let mut places = [0; LANES];
+    for (place, sample) in places.iter_mut().zip(samples.values()) {
+        *place = sample as u64 % LANES as u64;
     }
-    V::new(lanes)
+    V::places(places)
 }
 
+/// The bases of the samples in these lanes.
 #[inline(always)]
-fn gather_basis<V: Lanes>(reduced: &Reduced<V>, samples: &[usize; LANES]) -> [Matrix<V>; 4] {
-    let mut basis = [[V::zero(); 9]; 4];
-    for k in 0..4 {
-        for i in 0..9 {
-            basis[k][i] = gather(&reduced.basis[k][i], samples);
-        }
+fn basis_of<V: Lanes>(reduced: &Reduced<V>, places: V::Places) -> [Matrix<V>; 4] {
+    let mut basis = reduced.basis;
+    for x in basis.as_flattened_mut() {
+        *x = x.taken(places);
     }
     basis
 }

@@ -25,7 +25,8 @@ pub(super) struct Row<V> {
 #[inline(always)]
 pub(super) fn polynomials<V: Lanes>(points: &[V; 20]) -> Reduced<V> {
     let (basis, dependent) = null_space(points);
-    let mut matrix = constraints(&basis);
+    let mut matrix = [[V::zero(); 20]; 10];
+    constraints(&basis, &mut matrix);
     let (reduced, singular) = eliminate(&mut matrix);
     let rows = rows(&reduced);
     let mut determinant = determinant(&rows);
@@ -66,52 +67,69 @@ fn null_space<V: Lanes>(points: &[V; 20]) -> ([[V; 9]; 4], V::Mask) {
         for i in 0..9 {
             column[i] = b[i / 3] * a[i % 3];
         }
-        let norm = dot(column, column).sqrt();
+        let norm = dot::<V, 0>(column, column).sqrt();
         for x in column {
             *x = *x / norm;
         }
     }
     let mut independent = V::Mask::all();
-    for k in 0..5 {
-        let (head, tail) = columns.split_at_mut(k + 1);
-        let v = &mut head[k];
-        for x in &mut v[..k] {
-            *x = V::zero();
-        }
-        let norm = dot(v, v).sqrt();
-        independent = independent.and(norm.above(V::all(RANK_TOLERANCE)));
-        v[k] = v[k] + norm.copysign(v[k]);
-        let scale = (V::all(2.0) / dot(v, v)).sqrt();
-        for x in &mut *v {
-            *x = *x * scale;
-        }
-        for column in tail {
-            reflect(column, v);
-        }
-    }
     let mut basis = [[V::zero(); 9]; 4];
     for (i, q) in basis.iter_mut().enumerate() {
         q[5 + i] = V::all(1.0);
-        for v in columns.iter().rev() {
-            reflect(q, v);
-        }
     }
+    // Each with its number of entries known to the compiler.
+    macro_rules! for_each_of {
+        ($step:ident, $($k:literal)*) => {$($step!($k);)*};
+    }
+    macro_rules! reflect_columns {
+        ($k:literal) => {
+            let (head, tail) = columns.split_at_mut($k + 1);
+            let norm = make_reflection::<V, $k>(&mut head[$k]);
+            independent = independent.and(norm.above(V::all(RANK_TOLERANCE)));
+            for column in tail {
+                reflect::<V, $k>(column, &head[$k]);
+            }
+        };
+    }
+    for_each_of!(reflect_columns, 0 1 2 3 4);
+    macro_rules! reflect_basis {
+        ($k:literal) => {
+            for q in &mut basis {
+                reflect::<V, $k>(q, &columns[$k]);
+            }
+        };
+    }
+    for_each_of!(reflect_basis, 4 3 2 1 0);
     (basis, V::Mask::all().and_not(independent))
 }
 
+/// Makes of a column the vector of the reflection that leaves nothing below its entry `K`, and returns the length from there
+/// on. Entries above `K` do not count: they are 0 in the vector.
 #[inline(always)]
-fn dot<V: Lanes>(a: &[V; 9], b: &[V; 9]) -> V {
+fn make_reflection<V: Lanes, const K: usize>(v: &mut [V; 9]) -> V {
+    let norm = dot::<V, K>(v, v).sqrt();
+    v[K] = v[K] + norm.copysign(v[K]);
+    let scale = (V::all(2.0) / dot::<V, K>(v, v)).sqrt();
+    for x in &mut v[K..] {
+        *x = *x * scale;
+    }
+    norm
+}
+
+/// The sum of products from entry `K` on.
+#[inline(always)]
+fn dot<V: Lanes, const K: usize>(a: &[V; 9], b: &[V; 9]) -> V {
     let mut sum = V::zero();
-    for i in 0..9 {
+    for i in K..9 {
         sum = sum + a[i] * b[i];
     }
     sum
 }
 
 #[inline(always)]
-fn reflect<V: Lanes>(x: &mut [V; 9], v: &[V; 9]) {
-    let along = dot(x, v);
-    for i in 0..9 {
+fn reflect<V: Lanes, const K: usize>(x: &mut [V; 9], v: &[V; 9]) {
+    let along = dot::<V, K>(x, v);
+    for i in K..9 {
         x[i] = x[i] - along * v[i];
     }
 }
@@ -124,9 +142,9 @@ type Quadratic<V> = [V; 10];
 /// x, y z^2, yz, y, z^3, z^2, z, 1. The first ten are eliminated.
 type Cubic<V> = [V; 20];
 
-/// The ten cubic equations that make `x X + y Y + z Z + W` essential.
+/// Writes the ten cubic equations that make `x X + y Y + z Z + W` essential to `rows`, which are 0.
 #[inline(always)]
-fn constraints<V: Lanes>(basis: &[[V; 9]; 4]) -> [Cubic<V>; 10] {
+fn constraints<V: Lanes>(basis: &[[V; 9]; 4], rows: &mut [Cubic<V>; 10]) {
     let mut e = [[V::zero(); 4]; 9];
     for (i, entry) in e.iter_mut().enumerate() {
         for k in 0..4 {
@@ -151,13 +169,13 @@ fn constraints<V: Lanes>(basis: &[[V; 9]; 4]) -> [Cubic<V>; 10] {
             lambda[i][i][m] = lambda[i][i][m] - half_trace;
         }
     }
-    let mut rows = [[V::zero(); 20]; 10];
     for i in 0..3 {
         for j in 0..3 {
+            let mut row = [V::zero(); 20];
             for k in 0..3 {
-                let product = multiply_quadratic(&lambda[i][k], &e[3 * k + j]);
-                add(&mut rows[3 * i + j], &product);
+                add(&mut row, &multiply_quadratic(&lambda[i][k], &e[3 * k + j]));
             }
+            rows[3 * i + j] = row;
         }
     }
     for k in 0..3 {
@@ -169,7 +187,6 @@ fn constraints<V: Lanes>(basis: &[[V; 9]; 4]) -> [Cubic<V>; 10] {
         }
         add(&mut rows[9], &multiply_quadratic(&minor, &e[k]));
     }
-    rows
 }
 
 #[inline(always)]
@@ -223,69 +240,89 @@ fn multiply_quadratic<V: Lanes>(p: &Quadratic<V>, q: &Linear<V>) -> Cubic<V> {
 #[inline(always)]
 fn eliminate<V: Lanes>(m: &mut [Cubic<V>; 10]) -> ([[V; 10]; 6], V::Mask) {
     let mut regular = V::Mask::all();
-    for k in 0..10 {
-        // Each lane has a pivot of its own, in the first of the rows where it is largest.
-        let mut largest = m[k][k].abs();
-        let mut from = [V::Mask::none(); 10];
-        for row in k + 1..10 {
-            let size = m[row][k].abs();
-            let larger = size.above(largest);
-            largest = size.where_or(larger, largest);
-            for earlier in &mut from[k + 1..row] {
-                *earlier = earlier.and_not(larger);
-            }
-            from[row] = larger;
-        }
-        for row in k + 1..10 {
-            if from[row].any() {
-                for column in k..20 {
-                    let (top, other) = (m[k][column], m[row][column]);
-                    m[k][column] = other.where_or(from[row], top);
-                    m[row][column] = top.where_or(from[row], other);
-                }
-            }
-        }
-        regular = regular.and(m[k][k].abs().above(V::zero()));
-        let (head, tail) = m.split_at_mut(k + 1);
-        let pivot_row = &head[k];
-        for row in tail {
-            let factor = row[k] / pivot_row[k];
-            for column in k + 1..20 {
-                row[column] = row[column] - factor * pivot_row[column];
-            }
-        }
+    // Each with its number of rows known to the compiler, which keeps a column of them in registers.
+    macro_rules! eliminate_below {
+        ($($k:literal)*) => {$(
+            eliminate_below::<V, $k>(m);
+            regular = regular.and(m[$k][$k].abs().above(V::zero()));
+        )*};
     }
+    eliminate_below!(0 1 2 3 4 5 6 7 8 9);
     let mut reduced = [[V::zero(); 10]; 6];
-    for i in (0..6).rev() {
-        let (head, done) = reduced.split_at_mut(i + 1);
-        let row = &mut head[i];
-        row.copy_from_slice(&m[4 + i][10..]);
-        for (offset, below) in done.iter().enumerate() {
-            let factor = m[4 + i][4 + i + 1 + offset];
-            for j in 0..10 {
-                row[j] = row[j] - factor * below[j];
-            }
-        }
-        for x in row {
-            *x = *x / m[4 + i][4 + i];
+    macro_rules! eliminate_above {
+        ($($i:literal)*) => {$(eliminate_above::<V, $i>(m, &mut reduced);)*};
+    }
+    eliminate_above!(5 4 3 2 1 0);
+    (reduced, V::Mask::all().and_not(regular))
+}
+
+/// Takes the rows below from row `I` of the last six.
+#[inline(always)]
+fn eliminate_above<V: Lanes, const I: usize>(m: &[Cubic<V>; 10], reduced: &mut [[V; 10]; 6]) {
+    let mut row = [V::zero(); 10];
+    row.copy_from_slice(&m[4 + I][10..]);
+    for below in I + 1..6 {
+        let factor = m[4 + I][4 + below];
+        for j in 0..10 {
+            row[j] = row[j] - factor * reduced[below][j];
         }
     }
-    (reduced, V::Mask::all().and_not(regular))
+    for j in 0..10 {
+        reduced[I][j] = row[j] / m[4 + I][4 + I];
+    }
+}
+
+/// Brings the largest of the entries in column `K` from row `K` on to that row, and makes those below it 0, which is not
+/// written.
+#[inline(always)]
+fn eliminate_below<V: Lanes, const K: usize>(m: &mut [Cubic<V>; 10]) {
+    // Each lane has a pivot of its own, in the first of the rows where it is largest.
+    let mut largest = m[K][K].abs();
+    let mut from = [V::Mask::none(); 10];
+    for row in K + 1..10 {
+        let size = m[row][K].abs();
+        let larger = size.above(largest);
+        largest = size.where_or(larger, largest);
+        for earlier in &mut from[K + 1..row] {
+            *earlier = earlier.and_not(larger);
+        }
+        from[row] = larger;
+    }
+    let mut factors = [V::zero(); 10];
+    for column in K..20 {
+        let top = m[K][column];
+        let mut pivot = top;
+        for row in K + 1..10 {
+            pivot = m[row][column].where_or(from[row], pivot);
+        }
+        m[K][column] = pivot;
+        for row in K + 1..10 {
+            let own = top.where_or(from[row], m[row][column]);
+            if column == K {
+                factors[row] = own / pivot;
+            } else {
+                m[row][column] = own - factors[row] * pivot;
+            }
+        }
+    }
 }
 
 /// The rows k, l, m of B(z): `e - z f`, `g - z h` and `i - z j`, where the monomials on the left
 /// cancel (eqs. 11-13).
 #[inline(always)]
 fn rows<V: Lanes>(reduced: &[[V; 10]; 6]) -> [Row<V>; 3] {
-    let row = |i: usize| {
-        let (e, f) = (&reduced[2 * i], &reduced[2 * i + 1]);
-        Row {
-            x: [e[2], e[1] - f[2], e[0] - f[1], -f[0]],
-            y: [e[5], e[4] - f[5], e[3] - f[4], -f[3]],
-            one: [e[9], e[8] - f[9], e[7] - f[8], e[6] - f[7], -f[6]],
-        }
-    };
-    [row(0), row(1), row(2)]
+    [row(reduced, 0), row(reduced, 2), row(reduced, 4)]
+}
+
+/// `e - z f`, where `e` is a row after the elimination and `f` the next one.
+#[inline(always)]
+fn row<V: Lanes>(reduced: &[[V; 10]; 6], first: usize) -> Row<V> {
+    let (e, f) = (&reduced[first], &reduced[first + 1]);
+    Row {
+        x: [e[2], e[1] - f[2], e[0] - f[1], -f[0]],
+        y: [e[5], e[4] - f[5], e[3] - f[4], -f[3]],
+        one: [e[9], e[8] - f[9], e[7] - f[8], e[6] - f[7], -f[6]],
+    }
 }
 
 /// det B(z), lowest power first.
