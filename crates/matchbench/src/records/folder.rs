@@ -351,6 +351,19 @@ impl RunWriter {
     /// # Errors
     /// If it has another plan, is in use, damaged, or cannot be written to.
     pub fn start(path: &Path, plan: Plan) -> Result<Self, FolderError> {
+        Ok(Self::start_checked(path, plan, |_| Ok(()))?.0)
+    }
+
+    /// The same. A run that is there and is to grow by its settings is shown to `check` before its results are set aside
+    /// and its plan is another; what comes of that is handed on.
+    ///
+    /// # Errors
+    /// As [`RunWriter::start`], and what `check` does not want.
+    pub(crate) fn start_checked<T>(
+        path: &Path,
+        plan: Plan,
+        check: impl FnOnce(&RunFolder) -> Result<T, FolderError>,
+    ) -> Result<(Self, Option<T>), FolderError> {
         make_folder(path).map_err(FolderError::io("make the folder", path))?;
         refuse_links(path)?;
         let locks = lock(path)?;
@@ -370,9 +383,12 @@ impl RunWriter {
             let what = format!("{}: {reason}; make several runs of it", plan_file.display());
             return Err(io::Error::other(what).into());
         }
-        let written = read_plan(&plan_file)?;
+        let written = read_plan(&plan_file)?.map(|plan| RunFolder {
+            path: path.into(),
+            plan,
+        });
         match &written {
-            Some(written) => {
+            Some(RunFolder { plan: written, .. }) => {
                 if let Some(difference) = difference(written, &plan) {
                     return Err(FolderError::OtherPlan {
                         folder: path.into(),
@@ -388,25 +404,36 @@ impl RunWriter {
             }
             None => {}
         }
-        if written.as_ref() != Some(&plan) {
-            if let Some(written) = &written {
-                store::add_checksums(path, written.format)?;
-                if written.format < images::FIRST_WITH_NOTES {
-                    for dataset in &written.datasets {
-                        ImageNotes::open(path, &dataset.name)?.begin()?;
-                    }
-                }
-                if moves_tasks(written, &plan) {
-                    earlier::set_aside(path)?;
+        let mut checked = None;
+        if let Some(before) = &written
+            && before.plan != plan
+        {
+            let written = &before.plan;
+            store::add_checksums(path, written.format)?;
+            if written.format < images::FIRST_WITH_NOTES {
+                for dataset in &written.datasets {
+                    ImageNotes::open(path, &dataset.name)?.begin()?;
                 }
             }
-            write_json(&plan_file, &plan)?;
+            if written.settings != plan.settings {
+                checked = Some(check(before)?);
+            }
+            if moves_tasks(written, &plan) {
+                earlier::set_aside(path)?;
+            }
         }
-        let path = path.into();
-        Ok(Self {
-            folder: RunFolder { path, plan },
+        let folder = RunFolder {
+            path: path.into(),
+            plan,
+        };
+        if written.is_none_or(|written| written.plan != folder.plan) {
+            write_json(&plan_file, &folder.plan)?;
+        }
+        let writer = Self {
+            folder,
             _locks: locks,
-        })
+        };
+        Ok((writer, checked))
     }
 
     /// The folder, to be read.

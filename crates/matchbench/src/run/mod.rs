@@ -65,7 +65,7 @@ use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
 use crate::records::images::ImageNotes;
 use crate::records::{
-    FolderError, KeepMatches, Plan, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
+    FolderError, KeepMatches, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
 };
 use depth::DepthMaps;
 use earlier::InOrder;
@@ -232,14 +232,16 @@ impl Run<'_> {
             (plan, part) = shard.of(plan, self.datasets)?;
             datasets = &part;
         }
-        self.refuse_changed(datasets, &plan)?;
-        let folder = RunWriter::start(self.folder, plan)?;
+        // A run that grows is refused here where its images have changed, while its results are in their place still: it
+        // could not go on, and had no results that are scored.
+        let (folder, verified) =
+            RunWriter::start_checked(self.folder, plan, |before| all_verified(datasets, before))?;
         self.cache.remove_leftovers();
         if !tuned.is_empty() {
             folder.note_tuned(&tuned)?;
         }
         let progresses = self.progresses(datasets, &folder)?;
-        let images = images(datasets, &progresses, &folder)?;
+        let images = images(datasets, &progresses, &folder, verified.unwrap_or_default())?;
 
         let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
@@ -273,20 +275,6 @@ impl Run<'_> {
             .find_map(|progress| progress.removed(finished.contains(&progress.names())));
         self.refuse_removed(removed)?;
         Ok(summary)
-    }
-
-    /// Refuses a run that is to grow where its images have changed, before its results are set aside and its plan is
-    /// another: it could not go on, and had no results that are scored.
-    fn refuse_changed(&self, datasets: &[Dataset], plan: &Plan) -> Result<(), RunError> {
-        // What is wrong with a folder is told when it is opened to write.
-        if let Ok(before) = RunFolder::open(self.folder)
-            && before.plan().settings != plan.settings
-        {
-            for dataset in datasets {
-                verified(&dataset.sequence, &before)?;
-            }
-        }
-        Ok(())
     }
 
     /// The error that the folder, or this file of records in it, was removed while the run wrote: files that are open are
@@ -430,11 +418,12 @@ impl Run<'_> {
 }
 
 /// The images that earlier processes worked with on each dataset of which something is left to be
-/// done; they must be the same still, and so must their depth.
+/// done; they must be the same still, and so must their depth. Those of the datasets that are `verified` were looked at.
 fn images<'d>(
     datasets: &'d [Dataset],
     progresses: &[MatcherProgress<'_>],
     folder: &RunWriter,
+    mut verified: BTreeMap<&str, ImageNotes>,
 ) -> Result<BTreeMap<&'d str, Mutex<ImageNotes>>, RunError> {
     let mut images = BTreeMap::new();
     for dataset in datasets {
@@ -442,7 +431,10 @@ fn images<'d>(
         let is_left =
             |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
         if progresses.iter().any(is_left) {
-            let notes = verified(&dataset.sequence, folder.folder())?;
+            let notes = match verified.remove(&**name) {
+                Some(notes) => notes,
+                None => verified_notes(&dataset.sequence, folder.folder())?,
+            };
             let has_results = |progress: &MatcherProgress<'_>| {
                 progress.sequence.name == *name && progress.has_results()
             };
@@ -459,8 +451,18 @@ fn images<'d>(
     Ok(images)
 }
 
+/// The notes of each dataset, by its name, see [`verified_notes`].
+fn all_verified<'d>(
+    datasets: &'d [Dataset],
+    run: &RunFolder,
+) -> Result<BTreeMap<&'d str, ImageNotes>, FolderError> {
+    (datasets.iter())
+        .map(|Dataset { sequence, .. }| Ok((&*sequence.name, verified_notes(sequence, run)?)))
+        .collect()
+}
+
 /// The notes of the images that a run has worked with on a dataset, which must be the same still, and so must their depth.
-fn verified(sequence: &Sequence, run: &RunFolder) -> Result<ImageNotes, FolderError> {
+fn verified_notes(sequence: &Sequence, run: &RunFolder) -> Result<ImageNotes, FolderError> {
     let Sequence { name, frames, .. } = sequence;
     let notes = run.images_of(name)?;
     notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
+use crate::files::{Fault, break_calls};
 use crate::records::RunFolder;
 
 /// Cancels a run after so many records.
@@ -121,10 +122,39 @@ fn a_run_of_other_images_does_not_begin_to_grow() {
     // As it was: it is scored, and what it was begun with goes on.
     assert_eq!(earlier_files(&bench), 0);
     assert_eq!(bench.records("grown"), expected);
+    // Whether images have changed is asked by whoever holds the folder.
+    let plan = RunFolder::open(&bench.path("grown"))
+        .unwrap()
+        .plan()
+        .clone();
+    let other = RunWriter::start(&bench.path("grown"), plan).unwrap();
+    let error = bench.run("grown").unwrap_err().to_string();
+    assert!(error.contains("in use"), "{error}");
+    drop(other);
     bench.settings = sampled(Some(2), 1);
     assert_eq!(bench.run("grown").unwrap().now, 0);
     fs::write(&image, sound).unwrap();
     bench.settings = sampled(None, 2);
+    assert!(bench.run("grown").unwrap().is_complete());
+}
+
+#[test]
+fn a_run_that_grows_hashes_its_images_once() {
+    let mut bench = Bench::new(two_by_two());
+    bench.settings = sampled(Some(2), 1);
+    bench.run("grown").unwrap();
+    let noted = fs::read_to_string(bench.path("grown/images/street.txt")).unwrap();
+    let frame: u32 = noted.split(' ').next().unwrap().parse().unwrap();
+    let image = bench.path(&format!("street/{frame:04}.raw"));
+    // It begins to grow, and is stopped before it matches anything.
+    let stopped = Cancel::default();
+    stopped.set();
+    bench.settings = sampled(None, 2);
+    // The image is opened and read.
+    let broken = break_calls(&image, Fault::Error, 2);
+    bench.run_with("grown", &Silent, &stopped).unwrap();
+    assert_eq!(broken.happened(), None, "it is read again");
+    drop(broken);
     assert!(bench.run("grown").unwrap().is_complete());
 }
 
