@@ -308,11 +308,15 @@ fn corner_errors_are_computed_again_where_the_images_are() {
     assert!(rows.len() == 1 && rows[0]["errors_checked"] == true);
     let refused = list(&with_images["refused"]);
     assert!(refused.len() == 1 && text(&refused[0]["reason"]).contains("a corner error of"));
+    let eval = || go(folder, &["eval", "entries/praised", "--datasets", "data"]);
+    let said = String::from_utf8_lossy(&eval().stderr).into_owned();
+    assert!(said.contains("a corner error of"), "{said}");
     // Of what size the images were, nobody knows any more; the dataset can still be opened.
     for frame in 0..4 {
         fs::write(wall.join(format!("Images/{frame:04}.pgm")), "").expect("writable");
     }
     let without = board(false);
+    assert_eq!(eval().status.code(), Some(0));
     let rows = list(&without["groups"][0]["rows"]);
     assert!(rows.len() == 2 && rows.iter().all(|row| row["errors_checked"] == false));
 }

@@ -100,6 +100,11 @@ impl Unpaired {
         &self.name
     }
 
+    /// Its frames.
+    pub(crate) fn into_frames(self) -> Vec<Frame> {
+        self.frames
+    }
+
     /// The dataset with only the pairs for which `keep` is true, in their order, and the number and fingerprint
     /// of all pairs. It is not checked that no pair is listed twice; the fingerprint of such a list equals that
     /// of no valid dataset.

@@ -1,15 +1,15 @@
 //! Which pairs of a run count: those that its datasets list, where they are at hand, or those that it has recorded.
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem;
 use std::path::Path;
 
 use crate::counted::counted;
-use crate::datasets::{Pair, read_dataset_pairs};
-use crate::records::{Outcome, RunFolder};
+use crate::datasets::{Pair, Unpaired, read_dataset_pairs};
+use crate::records::{RunFolder, RunRecord};
 
 use super::broken::count_broken;
+use super::judge::Judge;
 use super::pair_choice::PairChoice;
 use super::results_error::ResultsError;
 use super::{Failure, PairResult, ResultSet};
@@ -32,45 +32,61 @@ pub(super) fn listed_pairs(datasets: &Path, dataset: &str) -> Result<Vec<Pair>, 
     Ok(read_dataset_pairs(&dir)?)
 }
 
-/// Checks that the poses of a run have the errors that its records state, by the truth that its `datasets` list. It may be
-/// another one by now, and records may have been edited.
-///
-/// # Errors
-/// The first record with another error; or that something cannot be read.
-pub(super) fn check_errors(
-    run: &RunFolder,
-    sets: &[ResultSet],
-    datasets: &Path,
-) -> Result<(), ResultsError> {
-    let mut truths = BTreeMap::<&str, BTreeMap<(u32, u32), Pair>>::new();
-    for set in sets {
-        let truth = match truths.entry(&set.dataset) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => {
-                let listed = listed_pairs(datasets, &set.dataset)?.into_iter();
-                new.insert(listed.map(|pair| ((pair.a, pair.b), pair)).collect())
-            }
-        };
-        let mut wrong = None;
-        run.for_each_of([&set.dataset, &set.matcher, &set.estimator], |record| {
-            let truth = truth.get(&(record.task.a, record.task.b));
-            let judged = truth.and_then(Pair::pose).zip(record.outcome.pose());
-            if let (None, Some((truth, pose))) = (&wrong, judged) {
-                wrong = record.contradiction(&Outcome::judged(&pose, truth, 0, 0, 0));
-            }
-        })?;
-        if let Some(wrong) = wrong {
-            return Err(ResultsError::Layout {
-                path: datasets.join(&set.dataset),
+/// The truths of the datasets in a folder, each read when it is first needed.
+pub(super) struct Truths<'a> {
+    datasets: &'a Path,
+    known: BTreeMap<String, Judge>,
+}
+
+impl<'a> Truths<'a> {
+    pub(super) fn new(datasets: &'a Path) -> Self {
+        Self {
+            datasets,
+            known: BTreeMap::new(),
+        }
+    }
+
+    /// That of a dataset, by which homographies are judged too where its images are there.
+    fn of(&mut self, dataset: &str) -> Result<&Judge, ResultsError> {
+        if !self.known.contains_key(dataset) {
+            let pairs = listed_pairs(self.datasets, dataset)?;
+            let frames = if pairs.iter().any(|pair| pair.homography().is_some()) {
+                // Pairs are scored without any images too.
+                let images = Unpaired::open(&self.datasets.join(dataset));
+                images.map_or_else(|_| Vec::new(), Unpaired::into_frames)
+            } else {
+                Vec::new()
+            };
+            let judge = Judge::new(pairs, frames);
+            self.known.insert(dataset.to_owned(), judge);
+        }
+        Ok(&self.known[dataset])
+    }
+
+    /// Checks that the estimate of a record of a `run` has the error that the record states. The truth may be another one
+    /// by now, and records may have been edited. What cannot be judged by it counts as it is stated.
+    ///
+    /// # Errors
+    /// If it has another error; or that the truth cannot be read.
+    pub(super) fn check(
+        &mut self,
+        run: &RunFolder,
+        record: &RunRecord,
+    ) -> Result<(), ResultsError> {
+        let dataset = &record.task.dataset;
+        let judged = self.of(dataset)?.judge(record).ok().flatten();
+        let wrong = judged.and_then(|judged| record.contradiction(&judged));
+        wrong.map_or(Ok(()), |wrong| {
+            Err(ResultsError::Layout {
+                path: self.datasets.join(dataset),
                 problem: format!(
                     "{wrong} by the truth here; {} was judged by another, or its records were changed; run it anew, or leave \
                      --datasets out",
                     run.path().display()
                 ),
-            });
-        }
+            })
+        })
     }
-    Ok(())
 }
 
 /// Which task of a method a result is of.
@@ -90,30 +106,27 @@ fn are_too_many(missing: u64, found: u64) -> bool {
     missing > MISSING.max(found.saturating_mul(MISSING_FOR_EACH))
 }
 
-/// Brings sets of results of a `run` into line with the pairs that count: those that its `datasets` list, or what it has
-/// recorded.
+/// Brings sets of results of a `run` into line with the pairs that count: those of the `truths` of its datasets, or what it
+/// has recorded.
 ///
 /// # Errors
 /// If a list cannot be read, or a few records stand for very many missing ones.
 pub(super) fn complete_all<'a>(
     run: &Path,
     sets: impl Iterator<Item = &'a mut ResultSet>,
-    datasets: Option<&Path>,
+    truths: Option<&mut Truths<'_>>,
     choice: &PairChoice,
 ) -> Result<(), ResultsError> {
     let mut sets: Vec<&mut ResultSet> = sets.collect();
-    let Some(datasets) = datasets else {
+    let Some(truths) = truths else {
         return as_recorded(&mut sets, choice);
     };
     let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
     for set in &sets {
         if !listed.contains_key(&set.dataset) {
-            let list = listed_pairs(datasets, &set.dataset)?;
+            let pairs = truths.of(&set.dataset)?.pairs();
             let chosen = choice.of(&set.dataset)?;
-            let mut pairs: Vec<_> = list.iter().map(|pair| (pair.a, pair.b)).collect();
-            pairs.retain(|&(a, b)| chosen(a, b));
-            pairs.sort_unstable();
-            pairs.dedup();
+            let pairs = pairs.filter(|&(a, b)| chosen(a, b)).collect();
             listed.insert(set.dataset.clone(), pairs);
         }
     }
@@ -216,11 +229,10 @@ mod tests {
         let complete = |sets: &mut [ResultSet]| {
             let pairs = (1..=sets.len()).map(|b| format!("0 {b} 1 0 0 0 0 1 0 0 0 0 1 1\n"));
             fs::write(room.join("pairs.txt"), pairs.collect::<String>()).expect("writable");
-            let datasets = Some(folder.path());
             complete_all(
                 Path::new("run"),
                 sets.iter_mut(),
-                datasets,
+                Some(&mut Truths::new(folder.path())),
                 &PairChoice::Listed,
             )
         };

@@ -15,10 +15,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::records::{Plan, RunFolder, check_tasks, is_twice};
+use crate::records::{Plan, RunFolder, RunRecord, check_tasks, is_twice};
 
 use super::broken::count_broken;
-use super::listed::{check_errors, complete_all, task};
+use super::listed::{Truths, complete_all, task};
 use super::pair_choice::PairChoice;
 use super::results_error::ResultsError;
 use super::{PairResult, ResultSet};
@@ -43,16 +43,18 @@ pub(super) fn of_run(
     datasets: Option<&Path>,
     choice: &PairChoice,
 ) -> Result<Vec<ResultSet>, ResultsError> {
+    let mut truths = datasets.map(Truths::new);
+    let mut check = |record: &RunRecord| match &mut truths {
+        Some(truths) => truths.check(run, record),
+        None => Ok(()),
+    };
     let mut sets = Vec::new();
     for file in run.record_files()? {
-        sets.extend(read_records(run, &file)?);
-    }
-    if let Some(datasets) = datasets {
-        check_errors(run, &sets, datasets)?;
+        sets.extend(read_records(run, &file, &mut check)?);
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
-    complete_all(run.path(), sets.iter_mut(), datasets, choice)?;
+    complete_all(run.path(), sets.iter_mut(), truths.as_mut(), choice)?;
     Ok(sets)
 }
 
@@ -61,7 +63,7 @@ pub(super) fn of_run(
 pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsError> {
     let mut each = Vec::new();
     for file in run.record_files()? {
-        if let Some(results) = read_records(run, &file).transpose() {
+        if let Some(results) = read_records(run, &file, |_| Ok(())).transpose() {
             each.push(FileResults {
                 file,
                 truth: None,
@@ -80,8 +82,12 @@ pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsEr
     Ok(each)
 }
 
-/// The records of one file; none where nothing has been recorded yet.
-fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, ResultsError> {
+/// The records of one file, each of which passes the `check`; none where nothing has been recorded yet.
+fn read_records(
+    run: &RunFolder,
+    file: &Path,
+    mut check: impl FnMut(&RunRecord) -> Result<(), ResultsError>,
+) -> Result<Option<ResultSet>, ResultsError> {
     let mut set: Option<ResultSet> = None;
     let mut lines = Vec::new();
     run.for_each_in(file, |line, record| {
@@ -98,7 +104,7 @@ fn read_records(run: &RunFolder, file: &Path) -> Result<Option<ResultSet>, Resul
         });
         set.repetitions = set.repetitions.max(task.repetition.saturating_add(1));
         set.pairs.push(PairResult::from(&record));
-        Ok::<_, ResultsError>(())
+        check(&record)
     })?;
     let planned = run.plan().settings.repetitions.get() as usize;
     check_tasks(lines, planned).map_err(|(line, problem)| ResultsError::Line {

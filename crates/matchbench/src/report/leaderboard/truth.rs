@@ -1,25 +1,19 @@
-//! Checks that records state the errors that their poses and homographies really have.
+//! Checks that records state the errors that their poses and homographies really have, see [`Judge`].
 //!
-//! A record holds the pose or homography that was estimated, and its stated error. If the dataset is available,
-//! the stated error need not be trusted: it is computed again from the estimate. The error of a homography is
-//! measured at the corners of the first image, so the file of this image must be available too, and not among the
-//! entries: nothing says of what size an image was, so that whoever hands in a dataset could choose it.
+//! The error of a homography depends on the size of the first image. Images among the entries do not count: nothing says
+//! of what size an image was, so that whoever hands in a dataset could choose it.
 //!
 //! Where a run had its dataset, only its plan says. So such a dataset is opened only if it is no larger than those that
 //! are known; otherwise one entry could take the memory that all need.
 
-use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use matchbench_vision::image::Size;
-use matchbench_vision::robust::HomographyEstimate;
-
 use crate::counted::counted;
-use crate::datasets::{Pair, Sequence};
-use crate::metrics::{PairResult, ResultSet};
-use crate::records::{DatasetPlan, Outcome, RunFolder, RunRecord, RunSettings};
+use crate::datasets::Sequence;
+use crate::metrics::{Judge, PairResult, ResultSet};
+use crate::records::{DatasetPlan, RunFolder, RunSettings};
 
 /// Most frames of a dataset that is opened where the plan of an entry says.
 const MAX_FRAMES: usize = 1_000_000;
@@ -31,10 +25,9 @@ const LONGEST_FOLDER: usize = 1024;
 /// What is known of the pairs of a dataset.
 #[derive(Debug)]
 pub(super) struct Truth {
-    pairs: BTreeMap<(u32, u32), Pair>,
-    sequence: Sequence,
-    /// The size of the image of each frame, read when it is first needed; none where nobody can be believed.
-    sizes: Vec<OnceCell<Option<Size>>>,
+    /// The pairs, in the order of the list.
+    listed: Vec<(u32, u32)>,
+    judge: Judge,
 }
 
 /// The truth of the datasets that are available, by their fingerprints.
@@ -81,16 +74,11 @@ impl Truths {
                     let sequence = paths.find_map(open)?;
                     Some((sequence, kind == 2))
                 })?;
-            let pairs = sequence.pairs.iter().map(|pair| ((pair.a, pair.b), *pair));
-            let size = if is_handed_in {
-                OnceCell::from(None)
-            } else {
-                OnceCell::new()
-            };
+            let Sequence { frames, pairs, .. } = sequence;
+            let frames = if is_handed_in { Vec::new() } else { frames };
             Some(Truth {
-                pairs: pairs.collect(),
-                sizes: vec![size; sequence.frames.len()],
-                sequence,
+                listed: pairs.iter().map(|pair| (pair.a, pair.b)).collect(),
+                judge: Judge::new(pairs, frames),
             })
         };
         let known = self.known.entry(dataset.fingerprint.clone());
@@ -107,12 +95,6 @@ fn is_usual(folder: &Path, frames: usize) -> bool {
 }
 
 impl Truth {
-    /// The size of the image of a frame, if its file is available.
-    fn size(&self, frame: u32) -> Option<Size> {
-        let frame = frame as usize;
-        *self.sizes[frame].get_or_init(|| self.sequence.frames[frame].size().ok())
-    }
-
     /// Refuses other `pairs` than those that these settings choose from the list of the dataset.
     ///
     /// # Errors
@@ -123,9 +105,8 @@ impl Truth {
         pairs: &BTreeSet<(u32, u32)>,
         dataset: &DatasetPlan,
     ) -> Result<(), String> {
-        let listed = &self.sequence.pairs;
-        let chosen = settings.chosen(listed.len()).map(|i| &listed[i]);
-        let chosen: BTreeSet<_> = chosen.map(|pair| (pair.a, pair.b)).collect();
+        let listed = &self.listed;
+        let chosen: BTreeSet<_> = settings.chosen(listed.len()).map(|i| listed[i]).collect();
         if let Some((a, b)) = pairs.difference(&chosen).next() {
             return Err(format!(
                 "its plan does not choose the pair {a} {b} of the {} that the dataset lists",
@@ -140,33 +121,6 @@ impl Truth {
             ));
         }
         Ok(())
-    }
-
-    /// Judges the estimate of a record again; `None` if this is not possible. An outcome without an estimate is
-    /// returned unchanged.
-    ///
-    /// # Errors
-    /// If the dataset does not list the pair, or has no truth for this kind of estimate.
-    fn judge(&self, record: &RunRecord) -> Result<Option<Outcome>, String> {
-        let (a, b) = (record.task.a, record.task.b);
-        let pair = (self.pairs.get(&(a, b)))
-            .ok_or_else(|| format!("the dataset does not list the pair {a} {b}"))?;
-        let unknown = |what| format!("the dataset knows no {what} of the pair {a} {b}");
-        if let Some(pose) = record.outcome.pose() {
-            let truth = pair.pose().ok_or_else(|| unknown("pose"))?;
-            return Ok(Some(Outcome::judged(&pose, truth, 0, 0, 0)));
-        }
-        let Some(b_from_a) = record.outcome.homography() else {
-            return Ok(Some(record.outcome.clone()));
-        };
-        let truth = pair.homography().ok_or_else(|| unknown("homography"))?;
-        let estimate = HomographyEstimate {
-            b_from_a,
-            inliers: Vec::new(),
-            iterations: 0,
-        };
-        let judged = |size| Outcome::judged_homography(&estimate, truth, size);
-        Ok(self.size(a).map(judged))
     }
 }
 
@@ -190,7 +144,7 @@ pub(super) fn check(run: &RunFolder, set: &mut ResultSet, truth: &Truth) -> Resu
         if wrong.is_some() {
             return;
         }
-        match truth.judge(&record) {
+        match truth.judge.judge(&record) {
             Err(reason) => wrong = Some(reason),
             Ok(None) => all = false,
             Ok(Some(judged)) => {
