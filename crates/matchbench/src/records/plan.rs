@@ -4,6 +4,7 @@
 //! on, and nothing else (no threads, no caches). A field that not every run needs is left out where it is
 //! not needed, so that older plans stay what they were.
 
+use std::collections::BTreeSet;
 use std::iter;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -58,7 +59,9 @@ impl Plan {
     /// Why it is refused, if it is: a plan may come from others, its names become paths, and each of its methods is looked
     /// for on each dataset.
     pub(super) fn refusal(&self) -> Option<String> {
-        self.too_many_methods().or_else(|| self.wrong_name())
+        self.too_many_methods()
+            .or_else(|| self.wrong_name())
+            .or_else(|| self.name_twice())
     }
 
     /// What is wrong if it has too many methods to be read again.
@@ -86,6 +89,34 @@ impl Plan {
             let wrong = check_name(name).err()?;
             Some(format!("the name `{name}` {wrong}"))
         })
+    }
+
+    /// What is wrong if a name in it stands for two things: each has files of its own, which are called by it.
+    fn name_twice(&self) -> Option<String> {
+        let datasets = twice(self.datasets.iter().map(|dataset| &*dataset.name))
+            .map(|name| format!("two of its datasets are called `{name}`"));
+        let matchers = || {
+            twice(self.matchers.iter().map(|matcher| &*matcher.id))
+                .map(|id| format!("two of its matchers are called `{id}`"))
+        };
+        let matchers_of = |dataset: &DatasetPlan| {
+            let id = twice(dataset.matchers.iter().flatten().map(|id| &**id))?;
+            Some(format!(
+                "its dataset `{}` names the matcher `{id}` twice",
+                dataset.name
+            ))
+        };
+        let estimators_of = |matcher: &MatcherPlan| {
+            let id = twice(matcher.estimators.iter().map(|estimator| &*estimator.id))?;
+            Some(format!(
+                "two estimators of its matcher `{}` are called `{id}`",
+                matcher.id
+            ))
+        };
+        datasets
+            .or_else(matchers)
+            .or_else(|| self.datasets.iter().find_map(matchers_of))
+            .or_else(|| self.matchers.iter().find_map(estimators_of))
     }
 
     /// Tasks of each method on one of its datasets: its pairs up to the limit, in every repetition.
@@ -130,6 +161,12 @@ impl Plan {
     pub fn matcher(&self, id: &str) -> Option<&MatcherPlan> {
         self.matchers.iter().find(|matcher| matcher.id == id)
     }
+}
+
+/// The first of these names that was there before.
+fn twice<'n>(mut names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    let mut seen = BTreeSet::new();
+    names.find(|name| !seen.insert(*name))
 }
 
 /// Choices that concern all tasks.
@@ -253,20 +290,24 @@ mod tests {
 
     use super::*;
 
+    /// The datasets d0, d1 ... with the matchers m0, m1 ..., each with one estimator.
+    fn plan(datasets: usize, matchers: usize) -> Plan {
+        let dataset = |i: usize| json!({"name": format!("d{i}"), "path": "d", "frames": 2, "pairs": 1, "fingerprint": ""});
+        let matcher = |i: usize| {
+            let best = json!({"id": "best", "params": {}});
+            json!({"id": format!("m{i}"), "params": {}, "estimators": [best]})
+        };
+        serde_json::from_value(json!({
+            "version": "0.1.0",
+            "settings": {"seed": 0, "repetitions": 1, "limit": null},
+            "datasets": (0..datasets).map(dataset).collect::<Vec<_>>(),
+            "matchers": (0..matchers).map(matcher).collect::<Vec<_>>()
+        }))
+        .expect("a plan")
+    }
+
     #[test]
     fn a_plan_of_endless_methods_is_refused() {
-        let dataset = json!({"name": "d", "path": "d", "frames": 2, "pairs": 1, "fingerprint": ""});
-        let matcher =
-            json!({"id": "m", "params": {}, "estimators": [{"id": "best", "params": {}}]});
-        let plan = |datasets: usize, matchers: usize| -> Plan {
-            serde_json::from_value(json!({
-                "version": "0.1.0",
-                "settings": {"seed": 0, "repetitions": 1, "limit": null},
-                "datasets": vec![&dataset; datasets],
-                "matchers": vec![&matcher; matchers]
-            }))
-            .expect("a plan")
-        };
         assert_eq!(plan(1000, 1000).refusal(), None);
         let refusal = plan(1001, 1000).refusal().expect("more than a million");
         assert!(
@@ -276,6 +317,43 @@ mod tests {
         let mut wrong = plan(1, 1);
         wrong.matchers[0].id = "../m".into();
         assert!(wrong.refusal().is_some(), "names are checked too");
+    }
+
+    #[test]
+    fn a_name_that_stands_for_two_things_is_refused() {
+        type Change = fn(&mut Plan);
+        let refusal = |change: Change| {
+            let mut plan = plan(2, 2);
+            change(&mut plan);
+            plan.refusal()
+        };
+        assert_eq!(refusal(|_| {}), None);
+        // Matchers share estimators, and a dataset may be called as a matcher is.
+        assert_eq!(refusal(|plan| plan.datasets[0].name = "m0".into()), None);
+        let cases: [(Change, &str); 4] = [
+            (
+                |plan| plan.datasets[1].name = "d0".into(),
+                "two of its datasets are called `d0`",
+            ),
+            (
+                |plan| plan.matchers[1].id = "m0".into(),
+                "two of its matchers are called `m0`",
+            ),
+            (
+                |plan| plan.datasets[1].matchers = Some(vec!["m1".into(), "m1".into()]),
+                "its dataset `d1` names the matcher `m1` twice",
+            ),
+            (
+                |plan| {
+                    let estimator = plan.matchers[0].estimators[0].clone();
+                    plan.matchers[0].estimators.push(estimator);
+                },
+                "two estimators of its matcher `m0` are called `best`",
+            ),
+        ];
+        for (change, expected) in cases {
+            assert_eq!(refusal(change).as_deref(), Some(expected));
+        }
     }
 
     #[test]
