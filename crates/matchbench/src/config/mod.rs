@@ -5,6 +5,7 @@
 //! refused.
 
 mod changes;
+mod from_toml;
 mod names;
 mod parameters;
 
@@ -15,6 +16,7 @@ use serde::{Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 pub use changes::{Changes, parse_value};
+pub(crate) use from_toml::from_toml;
 use names::with_suggestion;
 pub use names::{UnknownName, find};
 #[cfg(test)]

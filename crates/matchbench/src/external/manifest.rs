@@ -30,7 +30,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::config::{find, readable};
+use crate::config::{find, from_toml, readable};
 use crate::front_door::SETTINGS;
 
 /// The only key of a setting that is not a parameter of the child.
@@ -236,9 +236,12 @@ impl Manifest {
                 Kind::Features(matching)
             }
         };
-        let Some(Value::Object(params)) = to_json(toml::Value::Table(file.params)) else {
+        let params = from_toml("params", toml::Value::Table(file.params)).map_err(|what| {
             let remedy = "write numbers that are finite, strings, booleans, lists and tables";
-            return Err(source.error(None, "`params` has a value that JSON lacks", remedy));
+            source.error(None, what, remedy)
+        })?;
+        let Value::Object(params) = params else {
+            unreachable!("a table becomes an object")
         };
         if params.contains_key(MATCHING) {
             let remedy = "give it another name";
@@ -432,23 +435,6 @@ fn io_error(path: &Path, what: &str) -> ManifestError {
         what: what.into(),
         remedy: "give the path of a manifest like `adapters/opencv/sift.toml`".into(),
     }
-}
-
-/// The same value in JSON; `None` if it holds a date or a number that is not finite.
-fn to_json(value: toml::Value) -> Option<Value> {
-    Some(match value {
-        toml::Value::String(text) => text.into(),
-        toml::Value::Integer(number) => number.into(),
-        toml::Value::Float(number) => Value::Number(serde_json::Number::from_f64(number)?),
-        toml::Value::Boolean(flag) => flag.into(),
-        toml::Value::Datetime(_) => return None,
-        toml::Value::Array(values) => values.into_iter().map(to_json).collect::<Option<_>>()?,
-        toml::Value::Table(table) => {
-            let entries = table.into_iter();
-            let entries = entries.map(|(key, value)| Some((key, to_json(value)?)));
-            Value::Object(entries.collect::<Option<_>>()?)
-        }
-    })
 }
 
 /// Objects are merged key by key; everything else is replaced.

@@ -167,6 +167,16 @@ mod tests {
             ("[set.sift]\nratio = 7\n", 1, "7"),
             ("[set]\nrich.threshold_px = -1\n", 2, "rich"),
             (
+                "[set]\nsift.ratio = nan\n",
+                2,
+                "parameters of `sift`: `ratio` is nan",
+            ),
+            (
+                "seed = 1\n[set]\nmine.part.x = -inf\n",
+                3,
+                "parameters of `mine`: `part.x` is -inf",
+            ),
+            (
                 "[[dataset]]\nimport = { kind = 'tum', source = 'x' }\n",
                 1,
                 "path",

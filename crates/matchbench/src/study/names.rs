@@ -8,7 +8,7 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::{Deserialize, de};
 use serde_json::{Map, Value};
 
-use crate::config::{self, Changes, ConfigError, UnknownName};
+use crate::config::{self, Changes, ConfigError, UnknownName, from_toml};
 use crate::datasets::{KINDS, PairRule};
 use crate::estimators::{self, ESTIMATORS};
 use crate::external::Manifest;
@@ -205,7 +205,9 @@ impl<'de> DeserializeSeed<'de> for ParametersOf<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
-        let given = Value::deserialize(deserializer)?;
+        let given = toml::Value::deserialize(deserializer)?;
+        let given = from_toml("", given)
+            .map_err(|what| D::Error::custom(ConfigError::new(self.0, what)))?;
         self.check(&given).map_err(D::Error::custom)?;
         Ok(given)
     }

@@ -132,14 +132,15 @@ fn the_matching_of_features_is_set_apart_from_parameters() {
         ),
         "{said}"
     );
-    for params in [
-        "matching = 3",
-        "at = 2020-01-01",
-        "ratio = nan",
-        "all = [inf]",
+    for (params, named) in [
+        ("matching = 3", "cannot be called `matching`"),
+        ("at = 2020-01-01", "`params.at` is the date 2020-01-01"),
+        ("ratio = nan", "`params.ratio` is nan"),
+        ("all = [inf]", "`params.all[0]` is inf"),
     ] {
         let text = format!("{text}[params]\n{params}\n");
-        assert!(parse(&text).is_err(), "{params}");
+        let said = parse(&text).unwrap_err().to_string();
+        assert!(said.contains(named), "{said}");
     }
 }
 
