@@ -21,9 +21,13 @@ use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows};
 use matchbench_vision::image::Size;
 
 use super::Key;
-use super::reader::{CHECKSUM, Reader, push_keypoint};
+use super::reader::{self, CHECKSUM, Reader, push_keypoint};
 
 const MAGIC: [u8; 8] = *b"MBFEAT02";
+/// Bytes of an affine frame.
+const FRAME: usize = 16;
+/// Bytes before the keypoints.
+pub(super) const HEAD: usize = 74;
 
 const FLOATS: u8 = 0;
 const BYTES: u8 = 1;
@@ -63,6 +67,55 @@ pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
     file
 }
 
+/// How long the file is that begins so, if it is one that was saved under `key`.
+pub(super) fn length(head: &[u8; HEAD], key: Key) -> Option<u64> {
+    let head = Head::read(&mut Reader(head), key)?;
+    let frame = if head.has_frames { FRAME } else { 0 };
+    reader::length(HEAD, head.count, head.row.checked_add(frame)?)
+}
+
+/// What stands before the keypoints.
+struct Head {
+    size: Size,
+    /// The number of features.
+    count: usize,
+    layout: u8,
+    /// Values or bits of a descriptor.
+    width: usize,
+    /// Bytes of a descriptor.
+    row: usize,
+    has_frames: bool,
+}
+
+impl Head {
+    fn read(reader: &mut Reader<'_>, key: Key) -> Option<Self> {
+        if reader.array()? != MAGIC || reader.array()? != key.0 {
+            return None;
+        }
+        let size = Size::new(reader.number()?, reader.number()?);
+        let count = reader.number()?;
+        let [layout] = reader.array()?;
+        let width = reader.number().filter(|&width| width > 0)?;
+        let [has_frames @ 0..=1] = reader.array()? else {
+            return None;
+        };
+        let row = match layout {
+            FLOATS => width.checked_mul(4)?,
+            BYTES => width,
+            WORDS => width.div_ceil(64).checked_mul(8)?,
+            _ => return None,
+        };
+        Some(Self {
+            size,
+            count,
+            layout,
+            width,
+            row,
+            has_frames: has_frames == 1,
+        })
+    }
+}
+
 /// The features in a file, if they were saved under `key`, the file is complete, and all its numbers are finite.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
@@ -70,36 +123,22 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
         return None;
     }
     let mut reader = Reader(content);
-    if reader.array()? != MAGIC || reader.array()? != key.0 {
-        return None;
-    }
-    let size = Size::new(reader.number()?, reader.number()?);
-    let count = reader.number()?;
-    let [layout] = reader.array()?;
-    let width = reader.number().filter(|&width| width > 0)?;
-    let [has_frames] = reader.array()?;
+    let head = Head::read(&mut reader, key)?;
+    let (count, width) = (head.count, head.width);
     let keypoints = (0..count)
         .map(|_| reader.keypoint())
         .collect::<Option<Vec<_>>>()?;
-    let frames = match has_frames {
-        0 => None,
-        1 => Some(
-            (0..count)
-                .map(|_| reader.frame())
-                .collect::<Option<Vec<_>>>()?,
-        ),
-        _ => return None,
+    let frames = if head.has_frames {
+        let frames = (0..count).map(|_| reader.frame());
+        Some(frames.collect::<Option<Vec<_>>>()?)
+    } else {
+        None
     };
-    let (Reader(rows), row) = match layout {
-        FLOATS => (reader, width.checked_mul(4)?),
-        BYTES => (reader, width),
-        WORDS => (reader, width.div_ceil(64).checked_mul(8)?),
-        _ => return None,
-    };
-    if rows.len() != count.checked_mul(row)? {
+    let Reader(rows) = reader;
+    if rows.len() != count.checked_mul(head.row)? {
         return None;
     }
-    let descriptors = match layout {
+    let descriptors = match head.layout {
         FLOATS => {
             let data: Vec<f32> = (rows.as_chunks().0.iter())
                 .map(|x| f32::from_le_bytes(*x))
@@ -118,7 +157,7 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
             Descriptors::Binary(BinaryRows::from_vec(width, data.collect()))
         }
     };
-    let features = Features::new(size, keypoints, descriptors);
+    let features = Features::new(head.size, keypoints, descriptors);
     Some(match frames {
         Some(frames) => features.with_frames(frames),
         None => features,
@@ -174,6 +213,9 @@ mod tests {
     fn features_come_back_bit_for_bit() {
         for features in examples() {
             let file = to_bytes(&features, KEY);
+            let head = file.first_chunk().expect("it is longer");
+            assert_eq!(length(head, KEY), Some(file.len() as u64));
+            assert_eq!(length(head, Key([8; 32])), None);
             let back = from_bytes(&file, KEY).expect("the file is whole");
             assert_eq!(back, features);
             // If the bytes are equal, the bits are equal, also those of zeros with a sign.

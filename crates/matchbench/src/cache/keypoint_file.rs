@@ -14,10 +14,12 @@
 use matchbench_vision::features::Keypoint;
 
 use super::Key;
-use super::reader::{CHECKSUM, Reader, push_keypoint};
+use super::reader::{self, CHECKSUM, Reader, push_keypoint};
 use crate::matchers::check_seconds;
 
 const MAGIC: [u8; 8] = *b"MBKEYP01";
+/// Bytes before the keypoints.
+pub(super) const HEAD: usize = 56;
 
 /// The file that holds `keypoints` under `key`.
 pub(super) fn to_bytes(keypoints: &[Keypoint], seconds: f64, key: Key) -> Vec<u8> {
@@ -33,25 +35,36 @@ pub(super) fn to_bytes(keypoints: &[Keypoint], seconds: f64, key: Key) -> Vec<u8
     file
 }
 
+/// How long the file is that begins so, if it is one that was saved under `key`.
+pub(super) fn length(head: &[u8; HEAD], key: Key) -> Option<u64> {
+    let (_, count) = read_head(&mut Reader(head), key)?;
+    reader::length(HEAD, count, 0)
+}
+
 /// The keypoints in a file and the seconds that they took, if they were saved under `key` and the file is
 /// complete.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<(Vec<Keypoint>, f64)> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
+    if blake3::hash(content) != *<&[u8; CHECKSUM]>::try_from(checksum).ok()? {
+        return None;
+    }
     let mut reader = Reader(content);
-    let is_ours = blake3::hash(content) == *<&[u8; CHECKSUM]>::try_from(checksum).ok()?
-        && reader.array()? == MAGIC
-        && reader.array()? == key.0;
-    if !is_ours {
+    let (seconds, count) = read_head(&mut reader, key)?;
+    let keypoints = (0..count)
+        .map(|_| reader.keypoint())
+        .collect::<Option<_>>()?;
+    reader.0.is_empty().then_some((keypoints, seconds))
+}
+
+/// The seconds, and the number of keypoints.
+fn read_head(reader: &mut Reader<'_>, key: Key) -> Option<(f64, usize)> {
+    if reader.array()? != MAGIC || reader.array()? != key.0 {
         return None;
     }
     let seconds = f64::from_le_bytes(reader.array()?);
     // A cache can come from somebody else.
     check_seconds(seconds).ok()?;
-    let count = reader.number()?;
-    let keypoints = (0..count)
-        .map(|_| reader.keypoint())
-        .collect::<Option<_>>()?;
-    reader.0.is_empty().then_some((keypoints, seconds))
+    Some((seconds, reader.number()?))
 }
 
 #[cfg(test)]
@@ -73,6 +86,9 @@ mod tests {
         assert!(seconds(2.0).is_some() && seconds(-1.0).is_none() && seconds(1e300).is_none());
         for keypoints in [vec![], vec![keypoint(0), keypoint(1)]] {
             let file = to_bytes(&keypoints, 0.25, KEY);
+            let head = file.first_chunk().unwrap();
+            assert_eq!(length(head, KEY), Some(file.len() as u64));
+            assert_eq!(length(head, Key([8; 32])), None);
             assert_eq!(from_bytes(&file, KEY), Some((keypoints, 0.25)));
             assert_eq!(from_bytes(&file, Key([8; 32])), None);
             for length in 0..file.len() {

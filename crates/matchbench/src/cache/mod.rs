@@ -13,7 +13,9 @@ use matchbench_vision::features::{Features, Keypoint};
 
 pub use key::Key;
 
-use crate::files::{read_file, refuse_links, remove_leftovers_below, write_whole_file};
+use crate::files::{
+    read_file, read_file_as_told, refuse_links, remove_leftovers_below, write_whole_file,
+};
 use crate::front_door::CACHE;
 use crate::matchers::Extraction;
 
@@ -44,9 +46,12 @@ impl FeatureCache {
     }
 
     /// The features that were saved under `key`. A file that is incomplete, foreign or unreadable counts as
-    /// missing: the features are then computed, and the file is replaced.
+    /// missing: the features are then computed, and the file is replaced. One that is longer than its head says is not
+    /// read further than that.
     pub fn load(&self, key: Key) -> Option<Features> {
-        feature_file::from_bytes(&read_file(&self.path(key)).ok()?, key)
+        let told = |head: &_| feature_file::length(head, key);
+        let file = read_file_as_told(&self.path(key), told).ok()??;
+        feature_file::from_bytes(&file, key)
     }
 
     /// Saves features under `key`.
@@ -60,7 +65,8 @@ impl FeatureCache {
     /// The keypoints that were saved under `key`, and the seconds that it took to find them.
     pub fn load_keypoints(&self, key: Key) -> Option<(Vec<Keypoint>, f64)> {
         let path = self.path(key).with_extension("keypoints");
-        keypoint_file::from_bytes(&read_file(&path).ok()?, key)
+        let told = |head: &_| keypoint_file::length(head, key);
+        keypoint_file::from_bytes(&read_file_as_told(&path, told).ok()??, key)
     }
 
     /// Saves keypoints that took `seconds` to find.
@@ -103,6 +109,7 @@ mod tests {
     use matchbench_vision::image::Size;
 
     use super::*;
+    use crate::files::{Fault, break_calls};
 
     #[test]
     fn what_is_torn_or_foreign_is_not_found_and_can_be_replaced() {
@@ -129,5 +136,29 @@ mod tests {
         assert_eq!(cache.load(key), None);
         cache.save(key, &features).unwrap();
         assert_eq!(cache.load(key), Some(features));
+    }
+
+    #[cfg(unix)] // holes of files take no room
+    #[test]
+    fn of_what_is_longer_than_it_says_the_head_alone_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = FeatureCache::new(folder.path());
+        let key = Key([1; 32]);
+        let none = Descriptors::empty(DescriptorKind::Binary { bits: 8 });
+        let features = Features::new(Size::new(3, 2), Vec::new(), none);
+        cache.save(key, &features).unwrap();
+        cache.save_keypoints(key, &[], 0.5).unwrap();
+        let keypoints = cache.path(key).with_extension("keypoints");
+        let lengthened = |path: &Path| {
+            let file = fs::File::options().write(true).open(path).unwrap();
+            file.set_len(3 << 30).unwrap();
+            // It is opened, and its head is read.
+            break_calls(path, Fault::Error, 2)
+        };
+        let files = [cache.path(key), keypoints].map(|path| lengthened(&path));
+        assert_eq!((cache.load(key), cache.load_keypoints(key)), (None, None));
+        for file in files {
+            assert_eq!(file.happened(), None, "the rest is read too");
+        }
     }
 }

@@ -7,8 +7,17 @@ use nalgebra::Point2;
 
 /// Length of the BLAKE3 hash at the end of a file.
 pub(super) const CHECKSUM: usize = 32;
+/// Bytes of a keypoint.
+const KEYPOINT: usize = 23;
 
-/// Appends the 23 bytes of a keypoint: x, y, size, response, angle, whether there is an angle, octave.
+/// The length of a file with a head of so many bytes and so many keypoints, each of which has so many bytes `beside`;
+/// `None` if no file is so long.
+pub(super) fn length(head: usize, keypoints: usize, beside: usize) -> Option<u64> {
+    let body = keypoints.checked_mul(beside.checked_add(KEYPOINT)?)?;
+    u64::try_from(body.checked_add(head + CHECKSUM)?).ok()
+}
+
+/// Appends the [`KEYPOINT`] bytes of a keypoint: x, y, size, response, angle, whether there is an angle, octave.
 pub(super) fn push_keypoint(file: &mut Vec<u8>, keypoint: &Keypoint) {
     let angle = keypoint.angle.unwrap_or_default();
     let Point2 { coords: at } = keypoint.at;

@@ -27,7 +27,7 @@ pub(crate) use lines::{LineBlock, LineBlocks, LineError};
 pub(crate) use links::{is_link, link_in, link_on_the_way, place_of, refuse_link, refuse_links};
 pub(crate) use names::check_name;
 pub(crate) use read::regular;
-pub(crate) use read::{LONGEST_LINE, read_lines, read_text_lines};
+pub(crate) use read::{LONGEST_LINE, read_file_as_told, read_lines, read_text_lines};
 pub use read::{open_file, read_file, read_text};
 pub use temporary::{TemporaryFolder, remove_temporary_folders};
 pub(crate) use write::WholeFile;

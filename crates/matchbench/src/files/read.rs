@@ -34,12 +34,45 @@ pub fn open_file(path: &Path) -> io::Result<File> {
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let file = open_file(path)?;
     let length = file.metadata()?.len();
-    let mut bytes = Vec::new();
     before(Call::Read, path)?;
+    let mut bytes = room_for(length)?;
+    file.take(MAX_BYTES).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The bytes of a regular file whose first `N` bytes, as `told` reads them, say how long all of it is. `None` where
+/// they do not, or it has another length: the rest is not read then.
+///
+/// # Errors
+/// As [`read_file`].
+pub(crate) fn read_file_as_told<const N: usize>(
+    path: &Path,
+    told: impl FnOnce(&[u8; N]) -> Option<u64>,
+) -> io::Result<Option<Vec<u8>>> {
+    let mut file = open_file(path)?;
+    let length = file.metadata()?.len();
+    if length < N as u64 {
+        return Ok(None);
+    }
+    let mut first = [0; N];
+    before(Call::Read, path)?;
+    file.read_exact(&mut first)?;
+    if told(&first) != Some(length) {
+        return Ok(None);
+    }
+    before(Call::Read, path)?;
+    let mut bytes = room_for(length)?;
+    bytes.extend(first);
+    file.take(length - N as u64).read_to_end(&mut bytes)?;
+    Ok(Some(bytes))
+}
+
+/// Memory for so many bytes of a file.
+fn room_for(length: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     if length > MAX_BYTES || bytes.try_reserve_exact(length as usize).is_err() {
         return Err(too_large(length));
     }
-    file.take(MAX_BYTES).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
