@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::metrics::{
-    Angle, DatasetGeometry, Lead, Model, PairGeometry, Portion, Quartiles, Reliability, ResultSet,
-    StageQuartiles, Stratum, SuccessCurve, Summary, auc_by_stratum, strata,
+    Angle, DatasetGeometry, Lead, Model, PairGeometry, Portion, Reliability, ResultSet, Stratum,
+    SuccessCurve, Summary, auc_by_stratum, strata,
 };
 
 use super::advantage::advantage;
@@ -12,6 +12,7 @@ use super::content::Content;
 use super::latex::sequence_numbers;
 use super::numbers::short;
 use super::overview::Overview;
+use super::pair_time::seconds_for_a_pair;
 use super::svg::{
     ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, reliability_diagram,
     scatter, sp_curves, strata_curves,
@@ -179,39 +180,6 @@ fn set_of<'a>(content: &'a Content, summary: &Summary) -> Option<&'a ResultSet> 
     })
 }
 
-/// The stages of a matcher on a dataset. Each stage is timed only with the first estimator, since the other
-/// estimators are given the same matches. Detection is timed only with the first matcher that has these
-/// features. The time of the pose is that of `summary`.
-pub(super) fn stages_of(content: &Content, summary: &Summary) -> StageQuartiles {
-    let features = |matcher: &str| content.extractions.get(matcher);
-    let here = || (content.summaries.iter()).filter(|s| s.dataset == summary.dataset);
-    let stage = |get: fn(&StageQuartiles) -> Option<Quartiles>| {
-        let mut same = here().filter(|s| s.matcher == summary.matcher);
-        get(&summary.stages).or_else(|| same.find_map(|s| get(&s.stages)))
-    };
-    let extract = || {
-        let own = features(&summary.matcher)?;
-        let mut same = here().filter(|s| features(&s.matcher) == Some(own));
-        same.find_map(|s| s.stages.extract)
-    };
-    StageQuartiles {
-        extract: stage(|stages| stages.extract).or_else(extract),
-        search: stage(|stages| stages.search),
-        select: stage(|stages| stages.select),
-        outside: stage(|stages| stages.outside),
-        ..summary.stages
-    }
-}
-
-/// Seconds for a pair if both its images are new: the sum of the medians of all stages that were timed, with
-/// detection twice. `None` if detection or search was not timed.
-pub(super) fn seconds_for_a_pair(content: &Content, summary: &Summary) -> Option<f64> {
-    let stages = stages_of(content, summary);
-    let optional = |stage: Option<Quartiles>| stage.map_or(0.0, |spread| spread.median);
-    let (extract, search) = (stages.extract?.median, stages.search?.median);
-    Some(2.0 * extract + search + optional(stages.select) + optional(stages.estimate))
-}
-
 /// Accuracy against time on one dataset, if anything was timed.
 pub(super) fn time_figure(
     content: &Content,
@@ -233,29 +201,6 @@ pub(super) fn time_figure(
         .collect();
     let title = format!("AUC over time: {}", named(overview, column));
     (!dots.is_empty()).then(|| scatter(target, &title, &dots))
-}
-
-/// Matchers whose time for a pair is not known, and the reason, in a sentence.
-pub(super) fn untimed(content: &Content, overview: &Overview<'_>, column: usize) -> Option<String> {
-    let matchers: BTreeSet<&str> = (overview.rows.iter())
-        .filter_map(|row| Some(row.cells[column].as_ref()?.summary))
-        .filter(|summary| seconds_for_a_pair(content, summary).is_none())
-        .map(|summary| &*summary.matcher)
-        .collect();
-    let (outside, own): (Vec<&str>, Vec<&str>) =
-        (matchers.into_iter()).partition(|matcher| content.outside.contains_key(*matcher));
-    let reasons = [
-        ("features came from the cache", own),
-        (
-            "they come from elsewhere and do not tell that of an image or of a search",
-            outside,
-        ),
-    ];
-    let reasons: Vec<String> = (reasons.into_iter())
-        .filter(|(_, matchers)| !matchers.is_empty())
-        .map(|(reason, matchers)| format!("since {reason}: {}", matchers.join(", ")))
-        .collect();
-    (!reasons.is_empty()).then(|| format!("Without a time, {}.", reasons.join("; ")))
 }
 
 /// The best method of a dataset compared with the others, if there are others. If there are both poses and

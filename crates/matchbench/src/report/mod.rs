@@ -36,6 +36,7 @@ mod overview;
 mod pages;
 mod pair_homography;
 mod pair_table;
+mod pair_time;
 mod pair_view;
 mod pair_words;
 mod pairs_csv;

@@ -11,11 +11,10 @@ use crate::metrics::{
 
 use super::by_estimator;
 use super::content::Content;
-use super::figures::{
-    Difficulty, accuracies, difficulty_lines, leads_on, seconds_for_a_pair, success_curve,
-};
+use super::figures::{Difficulty, accuracies, difficulty_lines, leads_on, success_curve};
 use super::latex::sequence_numbers;
 use super::overview::Overview;
+use super::pair_time::seconds_for_a_pair;
 use crate::metrics::method;
 
 const SCHEMA: &str = "https://vega.github.io/schema/vega-lite/v5.json";

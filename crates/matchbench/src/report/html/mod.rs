@@ -40,11 +40,12 @@ use super::by_estimator::estimator_figure;
 use super::content::Content;
 use super::figures::{
     accuracy_basis, accuracy_figure, ap_figure, ap_panel_figure, lead_figure, sp_figure,
-    time_figure, untimed,
+    time_figure,
 };
 use super::method;
 use super::numbers::{self, interval};
 use super::overview::{Cell, Overview, Row, Subject};
+use super::pair_time::about_times;
 use super::score_words::definitions;
 use super::svg::{Target, data_url, legend_sample};
 use super::words::together;
@@ -426,7 +427,7 @@ fn figures(overview: &Overview<'_>, draw: impl Fn(usize) -> Option<String>) -> V
         .collect()
 }
 
-/// The figures of accuracy against time, and the matchers whose time is not known.
+/// The figures of accuracy against time, and what is to be said of the times.
 fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
     (overview.datasets.iter().enumerate())
         .filter_map(|(column, dataset)| {
@@ -435,7 +436,7 @@ fn scatters(content: &Content, overview: &Overview<'_>) -> Vec<Value> {
                 dataset => *dataset,
                 basis => overview.basis(column),
                 svg => Value::from_safe_string(svg),
-                untimed => untimed(content, overview, column),
+                about_times => about_times(content, overview, column),
             })
         })
         .collect()

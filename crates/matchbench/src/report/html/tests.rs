@@ -144,6 +144,7 @@ fn matchers_with_the_same_features_share_their_detection() {
     assert!(render(&content).contains(untimed));
     let outside = [("gms-s".to_owned(), "from files".to_owned())];
     content.outside = outside.into();
+    content.summaries[1].stages.features = Quartiles::of([900.0]);
     let untimed = "Without a time, since they come from elsewhere and do not tell that of an image or of a search: gms-s.";
     assert!(render(&content).contains(untimed));
     for matcher in ["gms", "gms-s"] {
@@ -151,6 +152,40 @@ fn matchers_with_the_same_features_share_their_detection() {
         content.extractions.insert(matcher.to_owned(), features);
     }
     assert!(!render(&content).contains("Without a time"));
+}
+
+#[test]
+fn a_matcher_of_one_stage_has_the_time_that_its_pairs_were_waited_for() {
+    let mut content = content(&[("room", "loftr", 4), ("hall", "loftr", 4)]);
+    let [room, hall] = [0, 1];
+    content.summaries[room].stages.outside = Quartiles::of([0.5]);
+    content.summaries[room].stages.search = Quartiles::of([0.25]);
+    content.summaries[room].stages.estimate = Quartiles::of([0.01]);
+    assert!(!render(&content).contains("chart scatter"), "of its own");
+    let outside = [("loftr".to_owned(), "from outside".to_owned())];
+    content.outside = outside.into();
+    let page = render(&content);
+    let is_at = |page: &str, time: &str| {
+        let mark = page.split("loftr: AUC ").nth(1).expect("a mark");
+        mark.split_once(", ")
+            .is_some_and(|mark| mark.1.starts_with(time))
+    };
+    assert!(page.contains("chart scatter") && is_at(&page, "510 ms"));
+    let about = "as long as it was waited for: loftr.";
+    assert!(page.contains(about) && !page.contains("Without a time"));
+    // A function is measured here, as its search.
+    content.summaries[room].stages.outside = None;
+    assert!(is_at(&render(&content), "260 ms"));
+    // Whoever has features may have kept them from before: the search is not all.
+    let mut with_features = content.clone();
+    with_features.summaries[room].stages.features = Quartiles::of([0.0, 900.0]);
+    let mut extracted_there = content.clone();
+    extracted_there.summaries[hall].stages.extract = Quartiles::of([0.1]);
+    for content in [with_features, extracted_there] {
+        assert!(!render(&content).contains("chart scatter"));
+    }
+    content.summaries[room].stages.features = Quartiles::of([0.0]);
+    assert!(is_at(&render(&content), "260 ms"), "no pair has a match");
 }
 
 #[test]

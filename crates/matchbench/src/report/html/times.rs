@@ -5,9 +5,9 @@ use minijinja::{Value, context};
 use crate::metrics::{Quartiles, Summary};
 
 use super::super::content::Content;
-use super::super::figures::{seconds_for_a_pair, stages_of};
 use super::super::numbers::{milliseconds, whole};
 use super::super::overview::Overview;
+use super::super::pair_time::{seconds_for_a_pair, stages_of};
 
 /// One table for each dataset: one row per matcher, with medians and then quartiles. Estimators share all
 /// stages except their own.
