@@ -371,6 +371,28 @@ fn a_matcher_that_ends_while_the_user_stops_the_run_hides_nothing() {
 }
 
 #[test]
+fn a_program_that_hangs_while_the_user_stops_the_run_is_waited_for_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let (manifest, home) = toy(folder.path());
+    let run = folder.path().join("run");
+    let text = fs::read_to_string(&manifest).expect("readable");
+    fs::write(&manifest, text.replace("= 20", "= 2")).expect("writable");
+    // Three pairs wait for it.
+    fs::write(home.join("break"), "kill -TERM $PPID; sleep 60\n").expect("writable");
+    let toy = manifest.to_str().expect("UTF-8");
+    let asked = ["run", "--threads", "4", "--matchers", toy, "--out"];
+    let done = output(&asked, &[&run, &wall]);
+    assert_eq!(done.status.code(), Some(130), "{}", said(&done));
+    assert!(!said(&done).contains("toy has ended"), "{}", said(&done));
+    assert_eq!(lines(&home.join("started")), 1, "{}", said(&done));
+    assert_all_gone(&home);
+    fs::remove_file(home.join("break")).expect("it is there");
+    let done = output(&asked, &[&run, &wall]);
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+}
+
+#[test]
 fn a_program_that_ended_is_not_waited_for_though_another_holds_its_output() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 2);

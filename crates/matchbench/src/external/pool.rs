@@ -6,6 +6,7 @@ use std::hash::{BuildHasher as _, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use matchbench_vision::image::Size;
 
@@ -16,6 +17,7 @@ use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
 use super::worker::{Fault, Identity, Worker};
 use crate::files::TemporaryFolder;
+use crate::matchers::Cancel;
 
 /// Questions that fail one after the other until a matcher is given up.
 const STRIKES: u32 = 3;
@@ -42,8 +44,12 @@ struct Pool {
     taken: usize,
     /// Questions that failed since one was answered.
     strikes: u32,
+    /// Whether the last of these took all the time that it had.
+    has_hung: bool,
     /// Why the matcher was given up.
     ended: Option<String>,
+    /// Stops whoever asks.
+    cancel: Cancel,
 }
 
 /// An image that a child is asked about.
@@ -77,12 +83,16 @@ pub enum Breakdown {
     /// The matcher was given up after several such questions in a row, this one or earlier ones;
     /// the reason names the log.
     Ended(String),
+    /// It was left, since the [run](External::heed) is stopped.
+    Stopped,
 }
 
 impl fmt::Display for Breakdown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Said(reason) | Self::Broke(reason) | Self::Ended(reason)) = self;
-        f.write_str(reason)
+        f.write_str(match self {
+            Self::Said(reason) | Self::Broke(reason) | Self::Ended(reason) => reason,
+            Self::Stopped => "it was stopped before",
+        })
     }
 }
 
@@ -107,7 +117,9 @@ impl External {
                 idle: vec![worker],
                 taken: 0,
                 strikes: 0,
+                has_hung: false,
                 ended: None,
+                cancel: Cancel::default(),
             }),
             manifest,
             log,
@@ -131,6 +143,12 @@ impl External {
     /// Where what it prints is kept.
     pub fn log(&self) -> PathBuf {
         self.log.path()
+    }
+
+    /// Those who ask from now on are stopped by `cancel`. Then all that were begun get their answers; but where a process
+    /// hung, no other is started in its place, since that may hang as long, for each of those who wait.
+    pub fn heed(&self, cancel: &Cancel) {
+        self.pool().cancel = cancel.clone();
     }
 
     /// The matches of the `pair` of frames, whose images are `a` and `b`.
@@ -220,10 +238,15 @@ impl External {
         read: impl FnOnce(Answer, f64) -> Result<T, Fault>,
     ) -> Result<T, Breakdown> {
         let (_place, idle) = self.take()?;
+        let start = Instant::now();
         let mut worker = match idle.map_or_else(|| self.start_another(), Ok) {
             Ok(worker) => worker,
-            Err(reason) => return Err(self.give_up_on(reason)),
+            Err(reason) => {
+                let has_hung = start.elapsed() >= self.manifest.start_timeout;
+                return Err(self.give_up_on(reason, has_hung));
+            }
         };
+        let start = Instant::now();
         let asked = worker.ask(request);
         let answer = asked.and_then(|(answer, wall)| read(answer, wall));
         // The file may be absent, or another kind of thing; the folder goes with the matcher.
@@ -238,8 +261,9 @@ impl External {
                 Err(Breakdown::Said(reason))
             }
             Err(Fault::Broke(reason)) => {
+                let has_hung = start.elapsed() >= self.manifest.timeout;
                 let reason = format!("{reason} ({})", worker.kill());
-                Err(self.give_up_on(reason))
+                Err(self.give_up_on(reason, has_hung))
             }
         }
     }
@@ -253,6 +277,11 @@ impl External {
             }
             let idle = pool.idle.pop();
             if idle.is_some() || pool.taken < self.manifest.workers {
+                if idle.is_none() && pool.has_hung && pool.cancel.is_set() {
+                    // The others who wait were not told of this place.
+                    self.freed.notify_all();
+                    return Err(Breakdown::Stopped);
+                }
                 pool.taken += 1;
                 return Ok((Place(self), idle));
             }
@@ -272,13 +301,15 @@ impl External {
     fn give_back(&self, worker: Worker) {
         let mut pool = self.pool();
         pool.strikes = 0;
+        pool.has_hung = false;
         pool.idle.push(worker);
     }
 
     /// Notes that a worker was lost for this `reason`, and whether the matcher is with it.
-    fn give_up_on(&self, reason: String) -> Breakdown {
+    fn give_up_on(&self, reason: String, has_hung: bool) -> Breakdown {
         let mut pool = self.pool();
         pool.strikes += 1;
+        pool.has_hung = has_hung;
         if pool.strikes < STRIKES {
             Breakdown::Broke(reason)
         } else {
@@ -349,10 +380,18 @@ done
 
     fn start(folder: &Path, program: &str) -> External {
         std::fs::write(folder.join("x.sh"), program).unwrap();
-        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\n";
+        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\ntimeout_s = 2\n";
         let manifest = Manifest::parse(&folder.join("x.toml"), text, &BuiltIn::default()).unwrap();
         let log = Log::open(&folder.join("x.log")).unwrap();
         External::start(manifest, log).unwrap()
+    }
+
+    fn match_one(external: &External) -> Result<Matched, Breakdown> {
+        let image = Image {
+            path: Path::new("/a"),
+            size: Size::new(1, 1),
+        };
+        external.match_pair([0, 1], image, image)
     }
 
     #[test]
@@ -368,13 +407,33 @@ done
             thread::sleep(Duration::from_millis(1));
         }
         thread::sleep(Duration::from_millis(100));
-        let image = Image {
-            path: Path::new("/a"),
-            size: Size::new(1, 1),
-        };
-        let answer = external.match_pair([0, 1], image, image);
+        let answer = match_one(&external);
         let told = answer.expect_err("nobody had asked").to_string();
         assert!(told.contains("it answered before it was asked"), "{told}");
+    }
+
+    #[test]
+    fn when_a_run_is_stopped_a_child_that_hangs_is_waited_for_once() {
+        let matches = "echo '{\"type\":\"matched\",\"pair\":[0,1],\"count\":0}'";
+        for (answer, answered, stopped) in [(matches, 4, 0), ("sleep 60", 0, 3)] {
+            let folder = tempfile::tempdir().unwrap();
+            let program = PROGRAM.replace(matches, answer);
+            let external = start(folder.path(), &program);
+            let cancel = Cancel::default();
+            cancel.set();
+            external.heed(&cancel);
+            let ask = || match_one(&external);
+            let all: Vec<_> = thread::scope(|scope| {
+                let asking = [(); 4].map(|()| scope.spawn(ask));
+                asking.map(|asking| asking.join().unwrap()).into()
+            });
+            let count = |is: fn(&Result<Matched, Breakdown>) -> bool| {
+                all.iter().filter(|answer| is(answer)).count()
+            };
+            assert_eq!(count(Result::is_ok), answered, "{all:?}");
+            let is_stopped = |answer: &_| matches!(answer, Err(Breakdown::Stopped));
+            assert_eq!(count(is_stopped), stopped, "{all:?}");
+        }
     }
 
     #[test]

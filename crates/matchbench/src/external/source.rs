@@ -22,7 +22,7 @@ use crate::cache::{FeatureCache, Key};
 use crate::datasets::read_size;
 use crate::files::read_file;
 use crate::matchers::{
-    BuiltPointSource, Extraction, ImageFiles, PointSource, SourceError, SourceSeconds,
+    BuiltPointSource, Cancel, Extraction, ImageFiles, PointSource, SourceError, SourceSeconds,
     SourcedMatches,
 };
 
@@ -78,6 +78,7 @@ impl From<Breakdown> for SourceError {
         match breakdown {
             Breakdown::Said(reason) | Breakdown::Broke(reason) => Self::Pair(reason),
             Breakdown::Ended(reason) => Self::Ended(reason),
+            Breakdown::Stopped => Self::Stopped,
         }
     }
 }
@@ -86,6 +87,10 @@ impl From<Breakdown> for SourceError {
 struct Pairs(External);
 
 impl PointSource for Pairs {
+    fn heed(&self, cancel: &Cancel) {
+        self.0.heed(cancel);
+    }
+
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
         let paths = [absolute(pair.images[0])?, absolute(pair.images[1])?];
         let [a, b] = [image(&paths[0])?, image(&paths[1])?];
@@ -179,6 +184,10 @@ impl Known {
 }
 
 impl PointSource for Described {
+    fn heed(&self, cancel: &Cancel) {
+        self.external.heed(cancel);
+    }
+
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
         let (a, times_a) = self.features(pair.images[0])?;
         let (b, times_b) = self.features(pair.images[1])?;

@@ -38,8 +38,8 @@ use serde_json::Value;
 pub use common::{REFINE, SIZES, build};
 pub use from_files::MatchesFrom;
 pub use source::{
-    BuiltPointSource, ImageFiles, LONGEST_STAGE, MAX_MATCHES, PointSource, Source, SourceError,
-    SourceSeconds, SourcedMatches, check_seconds,
+    BuiltPointSource, Cancel, ImageFiles, LONGEST_STAGE, MAX_MATCHES, PointSource, Source,
+    SourceError, SourceSeconds, SourcedMatches, check_seconds,
 };
 
 use crate::config::{self, ConfigError, Parameter, UnknownName};

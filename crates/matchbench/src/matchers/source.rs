@@ -6,6 +6,8 @@
 //! no code depends on which of the two they came from.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;
@@ -64,6 +66,29 @@ pub trait PointSource: Send + Sync {
     /// [`SourceError::Pair`] if there is no answer for this pair, which then counts as failed.
     /// [`SourceError::Ended`] if there will be no answer for any later pair either; this ends the run.
     fn matches(&self, pair: &ImageFiles<'_>, seed: Seed) -> Result<SourcedMatches, SourceError>;
+
+    /// Whoever asks from now on is a run that is stopped by `cancel`. Then pairs in flight are finished, but those that
+    /// wait for their turn and would take long may be answered by [`SourceError::Stopped`].
+    fn heed(&self, cancel: &Cancel) {
+        let _ = cancel;
+    }
+}
+
+/// Stops a run: tasks in flight are finished and recorded, no others are begun. Clones share one
+/// state; setting it is safe in a signal handler. A [source](PointSource) from outside may ask it too.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks the run to stop.
+    pub fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run was asked to stop.
+    pub fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }
 
 /// Two images of a dataset, as files.
@@ -112,6 +137,9 @@ pub enum SourceError {
     /// Of this pair and of all others.
     #[error("{0}")]
     Ended(String),
+    /// Of this pair, which was not begun since the run [is stopped](PointSource::heed).
+    #[error("the run was stopped before")]
+    Stopped,
 }
 
 impl Source {

@@ -24,6 +24,10 @@ pub enum RunError {
         /// Why, and what to do.
         reason: String,
     },
+    /// A source did not begin with a pair, since the run was stopped. [`Run::execute`](super::Run::execute) ends as it
+    /// does when it is stopped, and without this error.
+    #[error("the run was stopped before")]
+    Stopped,
     /// Another file cannot be read or written; the error names it.
     #[error(transparent)]
     Io(#[from] io::Error),

@@ -45,11 +45,12 @@ mod trial;
 mod tuned;
 mod work;
 
+pub use crate::matchers::Cancel;
 pub use contender::{Contender, ContenderError, Outside, Variant, built_in, manifest};
 pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;
-pub use observer::{Cancel, Observer, RunSummary, Silent};
+pub use observer::{Observer, RunSummary, Silent};
 pub use plan::{check_truth, check_turns, plan};
 pub use seeds::{estimation_seed, pair_seed, selection_seed};
 pub use shards::{Shard, images_of_one, plan_shards};
@@ -63,6 +64,7 @@ use std::time::Duration;
 
 use crate::cache::FeatureCache;
 use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
+use crate::matchers::Source;
 use crate::records::images::ImageNotes;
 use crate::records::{
     FolderError, KeepMatches, RunFolder, RunRecord, RunSettings, RunWriter, Tuned,
@@ -243,6 +245,11 @@ impl Run<'_> {
         let progresses = self.progresses(datasets, &folder)?;
         let images = images(datasets, &progresses, &folder, verified.unwrap_or_default())?;
 
+        for contender in self.contenders {
+            if let Source::Points(source) = &contender.source {
+                source.source.heed(cancel);
+            }
+        }
         let mut summary: RunSummary = progresses.iter().map(MatcherProgress::summary).sum();
         observer.on_plan(folder.folder().plan(), summary);
         let (mut ended, mut finished) = (BTreeSet::new(), BTreeSet::new());
@@ -262,6 +269,7 @@ impl Run<'_> {
                     ended.insert(id);
                     summary.ended += 1;
                 }
+                Err(RunError::Stopped) => {}
                 Err(error) => {
                     self.refuse_removed(None)?;
                     return Err(error);

@@ -1,8 +1,6 @@
-//! Who is told how a run goes, and who may stop it.
+//! Who is told how a run goes.
 
 use std::iter::Sum;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::records::{Plan, RunRecord};
 
@@ -46,23 +44,6 @@ pub trait Observer: Sync {
 pub struct Silent;
 
 impl Observer for Silent {}
-
-/// Stops a run: tasks in flight are finished and recorded, no others are begun. Clones share one
-/// state; setting it is safe in a signal handler.
-#[derive(Clone, Debug, Default)]
-pub struct Cancel(Arc<AtomicBool>);
-
-impl Cancel {
-    /// Asks the run to stop.
-    pub fn set(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether the run was asked to stop.
-    pub fn is_set(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
 
 /// How far a run has come, in tasks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

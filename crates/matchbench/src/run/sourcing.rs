@@ -20,7 +20,7 @@ use crate::records::{Counts, SelectedMatches, StageTimes};
 /// The matched points of a pair, or why there are none; `seed` is that of the pair.
 ///
 /// # Errors
-/// [`RunError::SourceEnded`] if there will be none for any pair.
+/// [`RunError::SourceEnded`] if there will be none for any pair, [`RunError::Stopped`] if the pair was not begun.
 pub(super) fn sourced(
     source: &BuiltPointSource,
     pair: &ImageFiles<'_>,
@@ -33,14 +33,18 @@ pub(super) fn sourced(
     let mut ended = None;
     let matches = guard(format_args!("matching by {}", source.id), || {
         source.source.matches(pair, seed).inspect_err(|error| {
-            if let SourceError::Ended(reason) = error {
-                ended = Some(reason.clone());
-            }
+            ended = match error {
+                SourceError::Pair(_) => None,
+                SourceError::Ended(reason) => Some(RunError::SourceEnded {
+                    id: source.id.clone(),
+                    reason: reason.clone(),
+                }),
+                SourceError::Stopped => Some(RunError::Stopped),
+            };
         })
     });
-    if let Some(reason) = ended {
-        let id = source.id.clone();
-        return Err(RunError::SourceEnded { id, reason });
+    if let Some(ended) = ended {
+        return Err(ended);
     }
     let matches = matches.and_then(|matches| {
         check(&matches).map_err(|reason| format!("matching by {} failed: {reason}", source.id))?;

@@ -1,6 +1,6 @@
 //! Sources outside fail, end, and may do better another time.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::seed::Seed;
@@ -19,6 +19,9 @@ pub(super) struct Flaky {
     /// Pairs that it has no matches of, and tells no features.
     empty: Vec<[u32; 2]>,
     ends: Option<[u32; 2]>,
+    /// The pair that it is stopped at.
+    stops: Option<[u32; 2]>,
+    heeded: Mutex<Cancel>,
     /// How often it was asked.
     asked: Arc<AtomicUsize>,
 }
@@ -28,6 +31,10 @@ impl PointSource for Flaky {
         self.asked.fetch_add(1, Ordering::Relaxed);
         if self.ends == Some(pair.frames) {
             return Err(SourceError::Ended("as the test wants".into()));
+        }
+        if self.stops == Some(pair.frames) {
+            self.heeded.lock().unwrap().set();
+            return Err(SourceError::Stopped);
         }
         if self.fails.contains(&pair.frames) {
             return Err(SourceError::Pair("as the test wants".into()));
@@ -49,6 +56,10 @@ impl PointSource for Flaky {
                 ..SourceSeconds::default()
             },
         })
+    }
+
+    fn heed(&self, cancel: &Cancel) {
+        *self.heeded.lock().unwrap() = cancel.clone();
     }
 }
 
@@ -104,6 +115,28 @@ fn failures_of_a_source_are_tried_again_and_their_records_replaced() {
     assert_eq!(again.failed, 0);
     assert_eq!(bench.records("run"), whole());
     assert_eq!(bench.run("run").unwrap().now, 0);
+}
+
+#[test]
+fn a_pair_that_a_source_does_not_begin_is_left_for_the_next_time() {
+    let flaky = Flaky {
+        stops: Some([1, 3]),
+        ..Flaky::default()
+    };
+    let toy = || Toy::default().contender("bright", &["first"]);
+    let mut bench = Bench::new(vec![flaky.contender(), toy()]);
+    let stopped = Cancel::default();
+    let summary = bench.run_with("run", &Silent, &stopped).unwrap();
+    assert!(stopped.is_set() && !summary.is_complete());
+    assert_eq!((summary.failed, summary.ended), (0, 0));
+    let records = bench.records("run");
+    let is_before = |record: &RunRecord| {
+        let task = &record.task;
+        task.matcher == "flaky" && (task.a, task.b) < (1, 3)
+    };
+    assert!(!records.is_empty() && records.iter().all(is_before));
+    bench.contenders = vec![Flaky::default().contender(), toy()];
+    assert!(bench.run("run").unwrap().is_complete());
 }
 
 #[test]
