@@ -1,7 +1,7 @@
 //! Newton's method in intervals with one root each, eight or sixteen at a time.
 
 use super::roots::{Brackets, Found, N};
-use crate::simd::lanes::{LANES, Lanes, Mask};
+use crate::simd::lanes::{LANES, Lanes, Mask, places_of};
 
 /// Newton's method alone is given so many steps; then every other one halves the bracket.
 const NEWTON_STEPS: usize = 50;
@@ -59,11 +59,7 @@ impl<V: Lanes> Newton<V> {
     #[inline(always)]
     fn new(([from, to, sign, polynomial], going): ([V; 4], V::Mask), of_each: &[V; N]) -> Self {
         let small = V::all(0.5).at_least(to);
-        let mut places = [0; LANES];
-        for (place, polynomial) in places.iter_mut().zip(polynomial.values()) {
-            *place = polynomial as u64 % LANES as u64;
-        }
-        let places = V::places(places);
+        let places = places_of(polynomial);
         let mirrored = polynomial.at_least(V::all(LANES as f64));
         let mut rising_powers = *of_each;
         for (i, c) in rising_powers.iter_mut().enumerate() {

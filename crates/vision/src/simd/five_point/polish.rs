@@ -2,7 +2,7 @@
 
 use super::ROOM;
 use super::polynomials::{Reduced, Row};
-use crate::simd::lanes::{LANES, Lanes, Mask, Pool};
+use crate::simd::lanes::{Lanes, Mask, Pool, places_of};
 
 /// Residuals of unit-norm matrices below this are as good as rounding lets them be.
 const POLISHED: f64 = 1e-14;
@@ -212,16 +212,6 @@ fn solve<V: Lanes>(m: &mut [[V; 4]; 4], mut b: [V; 4]) -> ([V; 4], V::Mask) {
         b[i] = (b[i] - sum) / m[i][i];
     }
     (b, definite)
-}
-
-/// The lanes of samples.
-#[inline(always)]
-fn places_of<V: Lanes>(samples: V) -> V::Places {
-    let mut places = [0; LANES];
-    for (place, sample) in places.iter_mut().zip(samples.values()) {
-        *place = sample as u64 % LANES as u64;
-    }
-    V::places(places)
 }
 
 /// The bases of the samples in these lanes.

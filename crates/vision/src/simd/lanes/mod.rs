@@ -126,6 +126,16 @@ pub fn lanes_of<V: Lanes, const N: usize>(values: &[[f64; LANES]; N]) -> [V; N] 
     lanes
 }
 
+/// The places of these numbers, which are whole: for each its remainder modulo [`LANES`].
+#[inline(always)]
+pub fn places_of<V: Lanes>(numbers: V) -> V::Places {
+    let mut places = [0; LANES];
+    for (place, number) in places.iter_mut().zip(numbers.values()) {
+        *place = number as u64 % LANES as u64;
+    }
+    V::places(places)
+}
+
 /// Eight answers.
 pub trait Mask: Copy {
     /// Yes of those whose bit is set.
