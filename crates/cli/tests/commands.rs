@@ -1,12 +1,14 @@
 //! What every command promises on the command line: output, messages, exit codes.
 
 mod common;
+mod planes;
 
 use std::fmt::Write;
 use std::fs;
 use std::process::Output;
 
 use common::{dataset, matchbench};
+use planes::homographies;
 
 fn run(arguments: &[&str]) -> Output {
     matchbench()
@@ -448,6 +450,19 @@ fn time_has_a_line_for_every_matcher() {
     assert!(refused.stdout.is_empty(), "{}", text(&refused.stdout));
     let said = text(&refused.stderr);
     assert!(said.contains("which it would damage"), "{said}");
+}
+
+#[test]
+fn a_plane_without_poses_is_timed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    fs::remove_file(wall.join("pairs.txt")).expect("it was there");
+    homographies(&wall, &[(0, 1), (0, 2)]);
+    // The report of a run on it has this command.
+    let wall = wall.display().to_string();
+    let timed = run(&["time", &wall, "--matchers", "orb", "--pairs", "2"]);
+    assert!(timed.status.success(), "{}", text(&timed.stderr));
+    assert!(text(&timed.stdout).contains("\norb "), "{timed:?}");
 }
 
 #[test]

@@ -438,8 +438,9 @@ pub(crate) struct ShowArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Detection and description are timed for an image; search, selection and pose for a pair; with one
-thread and without a cache, after a few pairs to warm up. Medians, with quartiles in brackets.
+Detection and description are timed for an image; search, selection and pose for a pair, with the
+estimator of the matcher (or best-h if the dataset has only homographies); with one thread and
+without a cache, after a few pairs to warm up. Medians, with quartiles in brackets.
 The first pairs are measured again at the end: where they then take another time, or single times
 lie far from all others, a warning says that the machine was not quiet.
 

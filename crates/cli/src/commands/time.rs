@@ -1,13 +1,14 @@
 //! `matchbench time`: measures how long matchers take, by the paper's protocol.
 
 use std::io::Write;
+use std::slice;
 
 use anyhow::{Result, bail};
 use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::metrics::Quartiles;
 use matchbench::report::{MatcherTimes, times_as_csv, times_as_latex};
-use matchbench::run::{Contender, Dataset};
+use matchbench::run::{Contender, Dataset, default_estimators};
 use matchbench::time::{machine, time};
 
 use crate::Ending;
@@ -26,7 +27,8 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
         );
     }
     let dataset = Dataset::open(&args.dataset)?;
-    let contenders = Contender::all_of(&args.matchers, &[], &changes(&args.set)?, None)?;
+    let estimators = default_estimators(slice::from_ref(&dataset));
+    let contenders = Contender::all_of(&args.matchers, &estimators, &changes(&args.set)?, None)?;
     let stop = Stop::on_ctrl_c("stopping")?;
     let cancel = stop.begin();
     let mut out = stdout();

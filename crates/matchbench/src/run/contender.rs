@@ -3,13 +3,26 @@
 use std::io;
 use std::path::Path;
 
-use super::Run;
+use super::{Dataset, Run};
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
 use crate::external::{BuiltIn, External, Log, Manifest, ManifestError, StartError};
 use crate::matchers::{self, BuiltMatcher, BuiltPointSource, MATCHERS, SIZES, Source, expanded};
 use crate::protocols::{EstimatorRule, MATCHBENCH, Protocol};
+
+/// The estimator on datasets of homographies, unless another is asked for.
+const OF_HOMOGRAPHIES: &str = "best-h";
+
+/// The names of the estimators of all matchers on these datasets where none is asked for: none, since each has its own.
+/// These are of poses, so on datasets that know homographies alone it is `best-h`.
+pub fn default_estimators(datasets: &[Dataset]) -> Vec<String> {
+    let mut first = (datasets.iter()).map(|dataset| dataset.sequence.pairs.first());
+    let are_planes = first
+        .all(|pair| pair.is_some_and(|pair| pair.homography().is_some() && pair.pose().is_none()));
+    let of_homographies = (are_planes && !datasets.is_empty()).then(|| OF_HOMOGRAPHIES.to_owned());
+    of_homographies.into_iter().collect()
+}
 
 /// A source of matches and the estimators that turn its matches into poses.
 pub struct Contender {

@@ -46,7 +46,9 @@ mod tuned;
 mod work;
 
 pub use crate::matchers::Cancel;
-pub use contender::{Contender, ContenderError, Outside, Variant, built_in, manifest};
+pub use contender::{
+    Contender, ContenderError, Outside, Variant, built_in, default_estimators, manifest,
+};
 pub use error::RunError;
 pub use evaluate::{Evaluation, EvaluationError, ImagePair, evaluate};
 pub use frame::Decode;

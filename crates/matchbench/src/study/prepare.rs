@@ -19,10 +19,9 @@ use crate::files::place_of;
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, RunSettings, Tuned};
-use crate::run::{Contender, ContenderError, Dataset, Outside, Run, built_in, manifest};
-
-/// The estimator on datasets of homographies, unless another is asked for.
-const OF_HOMOGRAPHIES: &str = "best-h";
+use crate::run::{
+    Contender, ContenderError, Dataset, Outside, Run, built_in, default_estimators, manifest,
+};
 
 /// A study that is ready to run: its datasets are open, and its matchers are built.
 pub struct Prepared {
@@ -216,18 +215,10 @@ impl Study {
         })
     }
 
-    /// The names of the estimators of all matchers; none where each has its own. These are of poses, so on datasets that
-    /// know homographies alone it is [`OF_HOMOGRAPHIES`].
+    /// The names of the estimators of all matchers; none where each has its own.
     fn estimators_for(&self, datasets: &[Dataset]) -> Vec<String> {
-        let mut first = datasets
-            .iter()
-            .map(|dataset| dataset.sequence.pairs.first());
-        let are_planes = first.all(|pair| {
-            pair.is_some_and(|pair| pair.homography().is_some() && pair.pose().is_none())
-        });
-        let is_open = self.estimators.is_empty() && self.protocols.is_empty();
-        if is_open && are_planes && !datasets.is_empty() {
-            vec![OF_HOMOGRAPHIES.to_owned()]
+        if self.estimators.is_empty() && self.protocols.is_empty() {
+            default_estimators(datasets)
         } else {
             self.estimators.clone()
         }
