@@ -453,7 +453,7 @@ fn time_has_a_line_for_every_matcher() {
 }
 
 #[test]
-fn a_plane_without_poses_is_timed() {
+fn a_plane_without_poses_is_timed_and_shown() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3);
     fs::remove_file(wall.join("pairs.txt")).expect("it was there");
@@ -463,6 +463,10 @@ fn a_plane_without_poses_is_timed() {
     let timed = run(&["time", &wall, "--matchers", "orb", "--pairs", "2"]);
     assert!(timed.status.success(), "{}", text(&timed.stderr));
     assert!(text(&timed.stdout).contains("\norb "), "{timed:?}");
+    let out = folder.path().join("pair.svg").display().to_string();
+    let refused = run(&["show", &wall, "1", "2", "--matcher", "orb", "--out", &out]);
+    let said = "has no pair 1 2; its homographies.txt lists those that it has";
+    assert!(text(&refused.stderr).contains(said), "{refused:?}");
 }
 
 #[test]

@@ -37,7 +37,7 @@ pub struct Shown {
 #[derive(Debug, thiserror::Error)]
 pub enum ShowError {
     /// The dataset does not list the pair.
-    #[error("{dataset} has no pair {a} {b}; {}", if *.is_turned { "it has the two in the other order" } else { "its pairs.txt lists those that it has" })]
+    #[error("{dataset} has no pair {a} {b}; {}", if *.is_turned { "it has the two in the other order".to_owned() } else { format!("its {listed_in} lists those that it has") })]
     NoPair {
         /// The folder of the dataset.
         dataset: String,
@@ -47,6 +47,8 @@ pub enum ShowError {
         b: u32,
         /// Whether it lists the pair of the second and the first.
         is_turned: bool,
+        /// Its file that lists its pairs.
+        listed_in: &'static str,
     },
     /// The matcher cannot have the images, or the estimator has no truth to be compared with.
     #[error(transparent)]
@@ -85,6 +87,10 @@ impl Shown {
             a,
             b,
             is_turned: (sequence.pairs.iter()).any(|pair| (pair.a, pair.b) == (b, a)),
+            listed_in: match sequence.pairs.first() {
+                Some(pair) if pair.pose().is_none() => "homographies.txt",
+                _ => "pairs.txt",
+            },
         })?;
         check_truth(&sequence.name, [pair], contender)?;
         let frames = [a, b].map(|frame| &sequence.frames[frame as usize]);
