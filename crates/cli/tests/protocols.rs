@@ -1,6 +1,7 @@
 //! One set of matches under the protocols of the field, and results scored by them.
 
 mod common;
+mod planes;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,6 +9,7 @@ use std::path::Path;
 use std::process::Output;
 
 use common::{dataset, matchbench};
+use planes::homographies;
 
 fn told(arguments: &[&str], folder: &Path) -> String {
     let mut command = matchbench();
@@ -131,4 +133,29 @@ fn one_protocol_decides_on_size_and_estimator_unless_told_otherwise() {
     let text = told(&["eval", "other", "--protocol", "superglue"], folder.path());
     let said = "images were of at most 120 pixels, not of 640x480 pixels; poses are by best";
     assert!(text.contains(said), "{text}");
+}
+
+#[test]
+fn of_homographies_no_scores_of_protocols_are_promised() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 3);
+    homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
+    let run = |estimators: &str, out: &str| {
+        let which = [
+            "run",
+            "wall",
+            "--matchers",
+            "orb",
+            "--protocol",
+            "superglue",
+        ];
+        let how = ["--estimator", estimators, "--out", out];
+        told(&[&which[..], &how].concat(), folder.path())
+    };
+    let (plane, both) = (run("best-h", "plane"), run("best-h,best", "both"));
+    assert!(!plane.contains("eval plane --protocol"), "{plane}");
+    assert!(both.contains("eval both --protocol superglue"), "{both}");
+    let scored = told(&["eval", "both", "--protocol", "superglue"], folder.path());
+    let said = "orb + best-h@superglue is not as superglue asks: homographies were estimated, and its scores are of poses.";
+    assert!(scored.contains(said), "{scored}");
 }

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
-use matchbench::protocols;
+use matchbench::protocols::{self, Protocol};
+use matchbench::records::RunFolder;
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
@@ -41,10 +42,20 @@ pub(crate) fn run(args: &RunArgs) -> Result<Ending> {
     ending.after(printed.and_then(|()| Ok(writeln!(stdout(), "\n{next}")?)))
 }
 
-/// How the scores of the protocols that a run was under are shown, a line; nothing where it was under the paper's alone.
+/// How the scores of the protocols that poses of a run were estimated under are shown, a line; nothing where that was the
+/// paper's alone.
 fn by_its_rules(names: &[String], folder: &Path) -> Result<String> {
+    let run = RunFolder::open(folder)?;
+    let plan = run.plan();
+    let has_poses = |protocol: &Protocol| {
+        plan.matchers.iter().any(|matcher| {
+            let mut under = (matcher.estimators.iter().map(|estimator| &*estimator.id))
+                .filter(|name| protocols::of_estimator(name).id == protocol.id);
+            under.any(|name| plan.is_of_homographies(&matcher.id, name) != Some(true))
+        })
+    };
     let others: Vec<&str> = (protocols::find_all(names)?.iter())
-        .filter(|protocol| !protocol.is_ours())
+        .filter(|protocol| !protocol.is_ours() && has_poses(protocol))
         .map(|protocol| protocol.id)
         .collect();
     Ok(if others.is_empty() {

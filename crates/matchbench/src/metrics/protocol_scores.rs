@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::quantiles::{deviation, mean};
-use super::{PairResult, ResultSet, Score, ScoreKind, score_kind};
+use super::{Model, PairResult, ResultSet, Score, ScoreKind, score_kind};
 use crate::counted::counted;
 use crate::estimators;
 use crate::matchers::SIZES;
@@ -175,6 +175,10 @@ fn alone(sets: &[&ProtocolScores], all: &[ProtocolScores]) -> Option<String> {
 
 /// What the run of a set did otherwise than the protocol asks.
 fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<String> {
+    if set.model() == Model::Homography {
+        // Nothing else that it did otherwise matters.
+        return vec!["homographies were estimated, and its scores are of poses".to_owned()];
+    }
     let mut found = Vec::new();
     let made = protocols::of_estimator(&set.estimator);
     let matcher = plan.and_then(|plan| plan.matcher(&set.matcher));
@@ -384,6 +388,22 @@ mod tests {
         // Poses of one run under all definitions.
         assert_eq!(ids(&sets[1..], PROTOCOLS).len(), PROTOCOLS.len());
         assert_eq!(ids(&sets, &[&ROMA]).len(), 2);
+    }
+
+    #[test]
+    fn that_homographies_have_none_of_the_scores_is_all_that_is_said_of_them() {
+        let mut plane = set("best-h@superglue", &[&[1.0, 2.0]]);
+        for pair in &mut plane.pairs {
+            pair.model = Model::Homography;
+        }
+        let estimator = json!({"id": "best-h@superglue", "params": {}});
+        let plan = plan(estimator, json!({}));
+        for protocol in PROTOCOLS {
+            let scored = score(&plane, Some(&plan), protocol);
+            assert!(scored.scores.iter().all(|one| one.score.value.is_none()));
+            let said = "homographies were estimated, and its scores are of poses";
+            assert_eq!(scored.otherwise, [said], "{}", protocol.id);
+        }
     }
 
     #[test]

@@ -143,7 +143,7 @@ impl Plan {
 
     /// Whether the estimator of a planned method is one of homographies, else of poses; `None` where the plan does not
     /// tell, because it is none of the list.
-    pub(super) fn is_of_homographies(&self, matcher: &str, estimator: &str) -> Option<bool> {
+    pub fn is_of_homographies(&self, matcher: &str, estimator: &str) -> Option<bool> {
         let planned = &self.matcher(matcher)?.estimators;
         let planned = planned.iter().find(|planned| planned.id == estimator)?;
         // What it is compared with goes by its name, whatever it is a variant of.
