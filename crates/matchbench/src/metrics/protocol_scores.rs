@@ -128,17 +128,18 @@ fn groups(set: &ResultSet, pooled: u32) -> Vec<Vec<PairResult>> {
 
 /// The mean over datasets of each method under each protocol that has several.
 fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
-    let mut methods = BTreeMap::<_, Vec<&ProtocolScores>>::new();
-    let place = |id| {
-        protocols::PROTOCOLS
-            .iter()
-            .position(|protocol| protocol.id == id)
-    };
+    // In the order in which they come first.
+    let mut places = BTreeMap::new();
+    let mut methods = Vec::<Vec<&ProtocolScores>>::new();
     for one in all {
-        let method = (place(one.protocol), &one.matcher, &one.estimator);
-        methods.entry(method).or_default().push(one);
+        let method = (one.protocol, &one.matcher, &one.estimator);
+        let place = *places.entry(method).or_insert(methods.len());
+        if place == methods.len() {
+            methods.push(Vec::new());
+        }
+        methods[place].push(one);
     }
-    let several = methods.into_values().filter(|sets| sets.len() > 1);
+    let several = methods.into_iter().filter(|sets| sets.len() > 1);
     let mean_of = |sets: Vec<&ProtocolScores>| {
         let scores = (0..sets[0].scores.len()).map(|i| {
             let values = sets.iter().map(|set| set.scores[i].score.value);
@@ -420,6 +421,23 @@ mod tests {
         );
         assert_eq!(scores[2].scores[0].score.value, Some(0.75));
         assert_eq!(scores[2].otherwise, [""; 0]);
+        // The methods have the order that they have on the datasets.
+        let mut others = sets.clone();
+        for set in &mut others {
+            set.matcher = "orb".into();
+        }
+        let both = under_protocols(&[&sets[..], &others].concat(), None, PROTOCOLS);
+        let names = |of_mean: bool| -> Vec<(&str, &str)> {
+            let rows = both.iter().filter(|one| (one.dataset == "mean") == of_mean);
+            let mut names: Vec<_> = rows.map(|one| (one.protocol, &*one.matcher)).collect();
+            names.dedup();
+            names
+        };
+        assert_eq!(names(true), names(false));
+        assert_eq!(
+            names(true)[..2],
+            [("matchbench", "sift"), ("matchbench", "orb")]
+        );
         // Another method has a third dataset.
         let mut more = sets.clone();
         for (set, dataset) in more.iter_mut().zip(["room", "attic"]) {
@@ -432,8 +450,8 @@ mod tests {
         assert_eq!(
             said,
             [
-                "its mean is over attic, room alone",
-                "its mean is over hall, room alone"
+                "its mean is over hall, room alone",
+                "its mean is over attic, room alone"
             ]
         );
     }
