@@ -3,6 +3,7 @@
 mod common;
 mod steps;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -142,6 +143,37 @@ fn two_runs_are_compared_as_before_and_their_pairs_shown() {
         said.contains("sift + ransac-e of first") && said.contains("sift + ransac-e of strict"),
         "{said}"
     );
+}
+
+#[test]
+fn every_repetition_is_in_the_table_of_a_comparison() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    let run = ["run", "wall", "--matchers", "sift,orb", "--repeat", "2"];
+    succeeds(folder, &[&run[..], &["--out", "run"]].concat());
+    let compare = ["compare", "run", "--matchers", "sift,orb"];
+    succeeds(folder, &[&compare[..], &["--out", "page"]].concat());
+    succeeds(folder, &["report", "run"]);
+    let rows = |file: &str, columns: &[&str], of: &str| -> BTreeSet<Vec<String>> {
+        let csv = fs::read_to_string(folder.join(file)).expect("it was written");
+        let mut lines = csv.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let head = lines.next().expect("a head");
+        let places: Vec<usize> = (columns.iter())
+            .map(|name| head.iter().position(|column| column == name).expect(name))
+            .collect();
+        let rows = lines.filter(|row| row.contains(&of));
+        rows.map(|row| places.iter().map(|&place| row[place].to_owned()).collect())
+            .collect()
+    };
+    let compared = ["a", "b", "repetition", "first_error"];
+    let compared = rows("page/pairs.csv", &compared, "sift + ransac-e");
+    assert_eq!(compared.len(), 6, "three pairs, two repetitions");
+    let all = ["a", "b", "repetition", "pose_error"];
+    let all = rows("run/report/tables/pairs.csv", &all, "sift");
+    assert_eq!(compared, all);
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("it was written");
+    assert!(page.contains("6 results in common") && page.contains("the first repetition is shown"));
 }
 
 #[test]

@@ -178,7 +178,7 @@ given, FIRST of BEFORE with SECOND of AFTER. A name is MATCHER+ESTIMATOR, or a m
 compared with each estimator that both have.
 
 --out writes a page of the pairs where they differ most: both side by side, with errors and
-matches, and pairs.csv with all pairs.
+matches, and pairs.csv with all pairs and repetitions.
 
 Examples:
   matchbench run office --matchers sift --set sift.ratio=0.7 --out runs/strict

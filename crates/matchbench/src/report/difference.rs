@@ -39,6 +39,11 @@ pub(super) struct Twin<'a> {
 }
 
 impl Twin<'_> {
+    /// Which of the repetitions of the pair it is.
+    pub(super) fn repetition(&self) -> u32 {
+        self.results[0].repetition
+    }
+
     /// The errors of both: degrees of the pose, pixels of the corners.
     pub(super) fn errors(&self) -> [Option<f64>; 2] {
         self.results.map(PairResult::judged_error)
@@ -58,12 +63,11 @@ impl Twin<'_> {
     }
 }
 
-/// The pairs for which both have a result, once each, in the order of the first.
+/// The pairs for which both have a result, once for each repetition, in the order of the first.
 pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
     let [first, second] = duel.sides.map(|side| side.results);
     let twins = all_twins(second, first).into_iter();
     twins
-        .filter(|(second, _)| second.repetition == 0)
         .map(|(second, first)| Twin {
             frames: (first.a, first.b),
             results: [first, second],
@@ -71,12 +75,12 @@ pub(super) fn twins<'a>(duel: &Duel<'a>) -> Vec<Twin<'a>> {
         .collect()
 }
 
-/// For each method, at most so many pairs on which it wins, the largest difference first.
+/// For each method, at most so many pairs on which it wins in the first repetition, the largest difference first.
 pub(super) fn won<'a>(twins: &[Twin<'a>], most: usize) -> [Vec<Twin<'a>>; 2] {
     [-1.0, 1.0].map(|sign| {
         let lead = |twin: &Twin<'_>| twin.lead().map(|lead| sign * lead);
         let mut won: Vec<Twin<'a>> = (twins.iter())
-            .filter(|twin| lead(twin)[0] > 0.0)
+            .filter(|twin| twin.repetition() == 0 && lead(twin)[0] > 0.0)
             .copied()
             .collect();
         won.sort_by(|one, other| {

@@ -130,7 +130,7 @@ fn shown<'a>(
     ))
 }
 
-/// A pair in the table of all.
+/// A repetition of a pair in the table of all.
 fn row(duel: &Duel<'_>, twin: &Twin<'_>) -> csv::Row {
     let name = |head: &str, text: &str| (head.to_owned(), Cell::Name(text.to_owned()));
     let count = |head: String, count: u32| (head, Cell::Count(count as usize));
@@ -155,5 +155,6 @@ fn row(duel: &Duel<'_>, twin: &Twin<'_>) -> csv::Row {
                 .map_or(Cell::Number(None), |number| Cell::Count(number as usize)),
         ));
     }
+    row.push(count("repetition".to_owned(), twin.repetition()));
     row
 }

@@ -61,6 +61,7 @@ fn chapter(chapter: &Chapter<'_>) -> Value {
         pairs => comparison.pairs,
         gained => comparison.gained,
         lost => comparison.lost,
+        is_repeated => sides.iter().all(|side| side.results.repetitions > 1),
         images => &chapter.images,
         lists,
     }
