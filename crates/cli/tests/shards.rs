@@ -234,10 +234,15 @@ fn matches_from_files_are_shared_out_too() {
         Some(2),
         "absent pairs count as failed"
     );
-    done(
+    let planned = done(
         asked("plan")
             .args(["--shards", "3", "--out"])
             .arg(at("plan")),
+    );
+    let said = String::from_utf8_lossy(&planned.stdout);
+    assert!(
+        said.contains("3 shards") && !said.contains("extract"),
+        "{said}"
     );
     // On another machine they are elsewhere, in a folder of the same name.
     fs::create_dir(at("node")).expect("writable");

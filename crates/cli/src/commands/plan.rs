@@ -66,7 +66,9 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         &prepared.tuned,
     )?;
     plan.write(&args.out)?;
-    tell(&plan, images_of_one(datasets, settings), &args.out)?;
+    // Of matches from files nothing is extracted.
+    let of_one = (!study.matchers.is_empty()).then(|| images_of_one(datasets, settings));
+    tell(&plan, of_one, &args.out)?;
     Ok(Ending::Done)
 }
 
@@ -79,7 +81,8 @@ fn from_anywhere(name: &String) -> String {
     path.unwrap_or_else(|| name.clone())
 }
 
-fn tell(plan: &ShardPlan, of_one: u64, folder: &Path) -> Result<()> {
+/// What a plan is and what comes next; with how many images one machine extracts, if any are extracted.
+fn tell(plan: &ShardPlan, of_one: Option<u64>, folder: &Path) -> Result<()> {
     let parts = &plan.cut().parts;
     let range = |noun: &str, count: fn(&Part) -> u64| {
         let counts = parts.iter().map(count);
@@ -101,12 +104,14 @@ fn tell(plan: &ShardPlan, of_one: u64, folder: &Path) -> Result<()> {
         range("pair", |part| part.pairs),
         range("image", |part| part.images)
     )?;
-    writeln!(
-        out,
-        "{} in all for each matcher, {of_one} on one machine ({:.2} times as many)",
-        counted(images, "extraction"),
-        images as f64 / of_one.max(1) as f64
-    )?;
+    if let Some(of_one) = of_one {
+        writeln!(
+            out,
+            "{} in all for each matcher, {of_one} on one machine ({:.2} times as many)",
+            counted(images, "extraction"),
+            images as f64 / of_one.max(1) as f64
+        )?;
+    }
     writeln!(
         out,
         "\nNext: matchbench work {folder} --shard K, on any machine, for each K from 1 to {shards}"
