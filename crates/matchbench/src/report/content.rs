@@ -11,6 +11,9 @@ use crate::records::{Plan, RunFolder};
 
 use super::{DatasetFacts, Format, Lacking, PairView, render, render_with_intervals};
 
+/// The name of a fact that says which parameter was tuned, and on what.
+pub(super) const TUNED: &str = "tuned parameter";
+
 /// What a reader should know about the run besides its scores.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RunFacts {

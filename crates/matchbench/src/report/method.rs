@@ -11,7 +11,7 @@ use crate::records::{MatcherPlan, Plan};
 
 use super::citations::{BENCHMARK, CORNER_AUC, CORNER_ERROR, INTERVALS, TOOL, citations};
 use super::command_line::Origin;
-use super::content::Content;
+use super::content::{Content, TUNED};
 use super::dataset_facts::DatasetFacts;
 use super::latex;
 use super::markdown;
@@ -346,7 +346,7 @@ fn scores(content: &Content, paragraph: &mut Paragraph) {
     }
 }
 
-/// Repetitions, seed and what parameters are where none are named.
+/// Repetitions, seed, time of estimators, and where parameters come from.
 fn random_choices(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragraph) {
     let repetitions = content.summaries.iter().map(|s| s.repetitions).max();
     if let Some(repetitions) = repetitions.filter(|&repetitions| repetitions > 1) {
@@ -357,8 +357,18 @@ fn random_choices(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragr
     if let Some(plan) = plan {
         let seed = plan.settings.seed;
         paragraph.say(format!(" All random choices follow from the seed {seed}."));
+        if let Some(most) = plan.settings.time_budget_ms {
+            paragraph.say(format!(
+                " Estimators drew samples for at most {most} ms on each pair, so results depend on the machine."
+            ));
+        }
     }
     paragraph.say(" Parameters are the defaults of this version where none are named.");
+    for (name, fact) in &content.facts.facts {
+        if name == TUNED {
+            paragraph.say(format!(" {fact}."));
+        }
+    }
     for note in protocol_notes(&content.summaries) {
         paragraph.say(format!(" Where an estimator is called {note}."));
     }
@@ -405,6 +415,29 @@ mod tests {
             text.contains("GMS~\\cite{bian2017gms} and mine\\_2"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn what_results_depend_on_beside_parameters_is_said() {
+        let mut content = content(&[("room", "sift", 6)]);
+        let said = [
+            "for at most 20 ms on each pair",
+            "was chosen on hall, among 1, 2.",
+        ];
+        let plan = |settings: &str| {
+            format!(
+                r#"{{"version": "0.1.0", "settings": {settings}, "datasets": [], "matchers": []}}"#
+            )
+        };
+        content.facts.plan = Some(plan(r#"{"seed": 7, "repetitions": 1, "limit": null}"#));
+        let text = plain(&content);
+        assert!(said.iter().all(|said| !text.contains(said)), "{text}");
+        let limited = r#"{"seed": 7, "repetitions": 1, "limit": null, "time_budget_ms": 20}"#;
+        content.facts.plan = Some(plan(limited));
+        let chosen = "best.threshold_px=2 was chosen on hall, among 1, 2".to_owned();
+        content.facts.facts = vec![("seed".into(), "7".into()), (TUNED.into(), chosen)];
+        let text = plain(&content);
+        assert!(said.iter().all(|said| text.contains(said)), "{text}");
     }
 
     #[test]

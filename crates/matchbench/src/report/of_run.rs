@@ -9,7 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::bundle::write_bundle;
-use super::content::{Content, RunFacts};
+use super::content::{Content, RunFacts, TUNED};
 use super::dataset_facts::DatasetFacts;
 use super::folder::{write_inner_report, write_report};
 use super::outside::outside;
@@ -168,7 +168,7 @@ fn facts(run: &RunFolder) -> Result<RunFacts, FolderError> {
         ("seed".into(), plan.settings.seed.to_string()),
     ];
     let tuned = run.tuned()?;
-    facts.extend((tuned.iter()).map(|tuned| ("tuned parameter".to_owned(), tuned.in_words())));
+    facts.extend((tuned.iter()).map(|tuned| (TUNED.to_owned(), tuned.in_words())));
     for matcher in &plan.matchers {
         let version = matcher
             .version
