@@ -106,7 +106,7 @@ fn passed(pair: &PairResult, limit: u32) -> usize {
 mod tests {
     use super::super::pair_result::tests::solved;
     use super::super::score_kind::mean_of_terms;
-    use super::super::{Failure, PairResult, Scores};
+    use super::super::{Failure, Interval, PairResult, Scores};
     use super::*;
     use matchbench_vision::seed::Seed;
 
@@ -190,6 +190,48 @@ mod tests {
             held.iter().all(|held| (364..=392).contains(held)),
             "{held:?} of {cases}"
         );
+    }
+
+    #[test]
+    #[ignore = "prints a measurement of the book"]
+    fn how_often_intervals_hold_where_few_pairs_are_right() {
+        // As above, with errors that are larger by a factor. The true score is the mean one.
+        for (images, factor) in [8, 16]
+            .into_iter()
+            .flat_map(|images| [1.0, 2.0, 3.0, 5.0, 7.5].map(|factor| (images, factor)))
+        {
+            let (mut rng, cases) = (Seed(7).rng(), 4000);
+            let mut found = Vec::new();
+            let (mut right, mut all) = (0, 0);
+            for _ in 0..cases {
+                let effects: Vec<f64> = (0..images).map(|_| rng.normal()).collect();
+                let pairs: Vec<PairResult> = (0..images)
+                    .flat_map(|a| (a + 1..images).map(move |b| (a, b)))
+                    .map(|(a, b)| {
+                        let v = 0.5 * (effects[a] + effects[b] + rng.normal());
+                        PairResult {
+                            a: a as u32,
+                            b: b as u32,
+                            ..solved(0, 5.0 * factor * libm::exp(v), 0.0, 30)
+                        }
+                    })
+                    .collect();
+                let is_right = |pair: &&PairResult| pair.sign_agnostic_error() < Some(5.0);
+                right += pairs.iter().filter(is_right).count();
+                all += pairs.len();
+                let score = Scores::new(&pairs).get("exact_auc_5");
+                let value = score.value.expect("there are pairs");
+                found.push((value, score.interval.expect("images enough")));
+            }
+            let truth = found.iter().map(|(value, _)| value).sum::<f64>() / f64::from(cases);
+            let holds = |interval: &Interval| (interval.low..interval.high).contains(&truth);
+            let held = found.iter().filter(|(_, interval)| holds(interval)).count();
+            println!(
+                "{images} images, {:.1} % right, exact AUC {truth:.4}: {:.1} %",
+                100.0 * right as f64 / all as f64,
+                100.0 * held as f64 / f64::from(cases)
+            );
+        }
     }
 
     #[test]
