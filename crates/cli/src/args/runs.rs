@@ -254,7 +254,8 @@ pub(crate) struct JoinArgs {
 pub(crate) enum KeepArg {
     /// All selected matches: another estimator can use them, and the report draws them
     All,
-    /// Those that agree with the estimated pose; another estimator has to start from the features again
+    /// Those that agree with the estimated pose, of pairs that are done with this option; another estimator has to start
+    /// from the features again
     Inliers,
     /// None; the report draws none, and another estimator has to start from the features again
     None,
