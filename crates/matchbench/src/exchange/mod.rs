@@ -15,6 +15,8 @@
 //! order of the file.
 
 #[cfg(test)]
+mod center_tests;
+#[cfg(test)]
 mod changed_tests;
 mod colmap;
 mod error;

@@ -19,7 +19,7 @@ use super::names::{Ambiguous, NamedBy, Names};
 use super::probe::Probe;
 use super::recognise::format_of;
 use super::{
-    Contents, ExchangeError, RawMatches, ReadOptions, Scores, Source, Understood, bounded,
+    Contents, ExchangeError, Format, RawMatches, ReadOptions, Scores, Source, Understood, bounded,
 };
 use crate::counted::counted;
 use crate::datasets::Sequence;
@@ -178,6 +178,9 @@ impl MatchFiles {
         this.survey
             .warnings
             .extend(of_several.into_iter().chain(doubt));
+        this.survey
+            .warnings
+            .extend(doubt_of_center(format, pixel_center));
         this.read_all(known.map(|known| known.scores))?;
         // Afterwards: what changes from here on is no more what was stamped.
         this.understood.files = Understood::hashed(&files)?;
@@ -457,6 +460,18 @@ fn pairs_by_frames(
         }
     }
     Ok((found, ambiguous))
+}
+
+/// That the first pixel's centre was said to be elsewhere than files of this format have it. What was said may have been
+/// meant for other files of the same run.
+fn doubt_of_center(format: &Format, taken: f64) -> Option<String> {
+    let own = format.pixel_center.filter(|own| *own != taken)?;
+    Some(format!(
+        "the first pixel's centre was taken to be at {taken}, as {} says, and files of {} have it at {own}; if these do \
+         too, leave it out for them, since it moves their points by half a pixel",
+        PIXEL_CENTER.with(&taken.to_string()),
+        format.id
+    ))
 }
 
 /// What names could mean beside what they were taken for.

@@ -17,7 +17,7 @@ use crate::datasets::{Frame, Pair, Sequence};
 
 /// Folder in the archive of fixtures, format, and what must be said to read it.
 #[expect(clippy::type_complexity, reason = "a table of one test")]
-const FIXTURES: [(&str, &str, Option<f64>, Option<[u32; 2]>); 10] = [
+pub(super) const FIXTURES: [(&str, &str, Option<f64>, Option<[u32; 2]>); 10] = [
     ("npz", "npz", Some(0.0), None),
     ("packed", "packed", None, None),
     ("text", "text", Some(0.0), None),
@@ -56,7 +56,7 @@ pub(super) fn dataset() -> (TempDir, Sequence) {
     (folder, sequence)
 }
 
-fn options(pixel_center: Option<f64>, resized: Option<[u32; 2]>) -> ReadOptions {
+pub(super) fn options(pixel_center: Option<f64>, resized: Option<[u32; 2]>) -> ReadOptions {
     ReadOptions {
         pixel_center,
         resized,
