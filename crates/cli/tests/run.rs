@@ -1,6 +1,7 @@
 //! A run that is killed, stopped, resumed or given other threads leaves the same records.
 
 mod common;
+mod planes;
 
 use std::fs;
 use std::path::Path;
@@ -11,6 +12,7 @@ use std::time::{Duration, Instant};
 use common::{dataset, matchbench};
 #[cfg(unix)]
 use common::{send, stop_signal};
+use planes::homographies;
 
 const FRAMES: usize = 12;
 const PAIRS: usize = FRAMES * (FRAMES - 1) / 2;
@@ -349,4 +351,56 @@ fn records_that_no_run_writes_are_not_joined() {
     fs::write(&file, sound).expect("writable");
     let (code, said) = go(&["join", "sift", "orb", "--out", "both"]);
     assert_eq!(code, Some(0), "{said}");
+}
+
+#[test]
+fn runs_that_are_joined_can_be_finished() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    let go = |words: &[&str]| {
+        let done = matchbench().current_dir(&folder).args(words).output();
+        let done = done.expect("the program starts");
+        let said =
+            [done.stdout, done.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+        (done.status.code(), said.concat())
+    };
+    dataset(folder.path(), "views", 3);
+    let plane = dataset(folder.path(), "plane", 3);
+    homographies(&plane, &[(0, 1), (0, 2)]);
+    fs::remove_file(plane.join("pairs.txt")).expect("it was there");
+    homographies(
+        &dataset(folder.path(), "both", 3),
+        &[(0, 1), (0, 2), (1, 2)],
+    );
+    for (dataset, matcher, estimator) in [
+        ("views", "sift", "best"),
+        ("plane", "sift", "best-h"),
+        ("plane", "orb", "best-h"),
+        ("both", "sift", "best"),
+        ("both", "sift", "best-h"),
+    ] {
+        let out = format!("{dataset}-{matcher}-{estimator}");
+        let what = ["--matchers", matcher, "--estimator", estimator];
+        let (code, said) = go(&[&["run", dataset, "--out", &out][..], &what].concat());
+        assert_eq!(code, Some(0), "{said}");
+    }
+    // There are neither homographies of the views nor poses of the plane.
+    for (runs, truth) in [
+        (["views-sift-best", "plane-sift-best-h"], "homographies"),
+        (["plane-sift-best-h", "views-sift-best"], "poses"),
+    ] {
+        let (code, said) = go(&["join", runs[0], runs[1], "--out", "no"]);
+        assert!(
+            code == Some(1) && said.contains(&format!("none of them estimated {truth}")),
+            "{said}"
+        );
+        assert!(!at("no").exists());
+    }
+    for (name, runs) in [
+        ("apart", ["views-sift-best", "plane-orb-best-h"]),
+        ("whole", ["both-sift-best", "both-sift-best-h"]),
+    ] {
+        let (code, said) = go(&["join", runs[0], runs[1], "--out", name]);
+        assert!(code == Some(0) && !said.contains("missing"), "{said}");
+    }
 }

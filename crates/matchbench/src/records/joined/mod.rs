@@ -61,6 +61,22 @@ pub enum JoinError {
         /// The runs.
         runs: [PathBuf; 2],
     },
+    /// A matcher has estimators of poses on one dataset and of homographies on another, in different runs.
+    #[error(
+        "{matcher} is with {estimator} in one of the runs, and on {dataset} none of them estimated {}; the joined run would \
+         want that too, which a dataset without their truth can never have: join runs of poses and of homographies apart",
+        if *of_homographies { "homographies" } else { "poses" }
+    )]
+    NoTruth {
+        /// The matcher.
+        matcher: String,
+        /// Its estimator.
+        estimator: String,
+        /// The dataset.
+        dataset: String,
+        /// Whether the estimator is of homographies.
+        of_homographies: bool,
+    },
     /// The images of a dataset are others.
     #[error(
         "the {what} of frame {frame} of {dataset} was another in {} than in the other runs; results for different \

@@ -58,7 +58,60 @@ pub(super) fn joined(folders: &[RunFolder]) -> Result<Plan, JoinError> {
     for dataset in &mut plan.datasets {
         dataset.matchers = (!all_have_all).then(|| own(dataset));
     }
+    check_truths(&plan, folders)?;
     Ok(plan)
+}
+
+/// Whether on each dataset of the joined `plan` all that is estimated, poses or homographies, was estimated there in one of
+/// the runs. Else nobody knows whether the dataset has the truth of it, and most have not: the run could never be finished.
+fn check_truths(plan: &Plan, folders: &[RunFolder]) -> Result<(), JoinError> {
+    let mut estimated: BTreeMap<&str, BTreeSet<bool>> = BTreeMap::new();
+    for folder in folders {
+        let kinds = kinds(folder.plan());
+        for dataset in &folder.plan().datasets {
+            let there = folder.plan().matchers_on(dataset);
+            let there = there.flat_map(|matcher| &kinds[&*matcher.id]);
+            let known = estimated.entry(&dataset.name).or_default();
+            known.extend(there.map(|(of_homographies, _)| of_homographies));
+        }
+    }
+    let kinds = kinds(plan);
+    for dataset in &plan.datasets {
+        let known = &estimated[&*dataset.name];
+        for matcher in plan.matchers_on(dataset) {
+            let mut planned = kinds[&*matcher.id].iter();
+            if let Some((of_homographies, estimator)) =
+                planned.find(|(of_homographies, _)| !known.contains(of_homographies))
+            {
+                return Err(JoinError::NoTruth {
+                    matcher: matcher.id.clone(),
+                    estimator: (*estimator).to_owned(),
+                    dataset: dataset.name.clone(),
+                    of_homographies: *of_homographies,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether the estimators of each matcher are of homographies, else of poses, with one of each kind.
+fn kinds(plan: &Plan) -> BTreeMap<&str, BTreeMap<bool, &str>> {
+    // Of many matchers with few estimators.
+    let mut known: BTreeMap<&str, Option<bool>> = BTreeMap::new();
+    let mut kinds = BTreeMap::new();
+    for matcher in &plan.matchers {
+        let of: &mut BTreeMap<bool, &str> = kinds.entry(&*matcher.id).or_default();
+        for estimator in &matcher.estimators {
+            let id = &*estimator.id;
+            let kind = known.entry(id);
+            let kind = kind.or_insert_with(|| plan.is_of_homographies(&matcher.id, id));
+            if let Some(kind) = *kind {
+                of.entry(kind).or_insert(id);
+            }
+        }
+    }
+    kinds
 }
 
 /// Adds to a `plan` what `other` has more, or says in words in what both differ.
