@@ -450,9 +450,11 @@ fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Impor
     }
     let imported = (kind.read)(src, options).map_err(|error| with_layout(error, kind, src))?;
     if imported.frames.is_empty() {
+        // Why images were left out: no pose is near enough in time, perhaps.
+        let notes = imported.about.notes.iter().map(|note| format!("; {note}"));
         return Err(DatasetError::new(
             src,
-            "no image has a pose",
+            format!("no image has a pose{}", notes.collect::<String>()),
             format!("expected {}", kind.help),
         ));
     }

@@ -59,6 +59,17 @@ fn tum_associates_by_time_and_reports_what_it_leaves_out() {
         found.about.notes,
         ["left out: 1 image without a pose within 0.02 s (rgb/gone.png)"]
     );
+    let strict = ImportOptions {
+        tolerance: Some(1e-5),
+        ..ImportOptions::default()
+    };
+    fs::write(src.join("rgb.txt"), "1.004 rgb/a.png\n1.5 rgb/gone.png\n").unwrap();
+    let error = read_source("tum", &src, &strict).unwrap_err();
+    assert_eq!(
+        error.what,
+        "no image has a pose; left out: 2 images without a pose within 0.00001 s (rgb/a.png, rgb/gone.png)"
+    );
+    fs::write(src.join("rgb.txt"), rgb).unwrap();
     let options = ImportOptions {
         interpolate: true,
         ..ImportOptions::default()
