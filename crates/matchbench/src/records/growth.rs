@@ -263,11 +263,14 @@ fn what_decides(plan: &Plan, names_matchers: bool) -> Value {
 pub(super) fn first_difference(written: &Value, plan: &Value, at: &str) -> Option<String> {
     match (written, plan) {
         (Value::Object(written), Value::Object(plan)) => {
-            let names: BTreeSet<&String> = written.keys().chain(plan.keys()).collect();
-            names.into_iter().find_map(|name| {
+            // How features are extracted follows from parameters, which whoever gave them knows.
+            let last = |name: &String| (name == "extraction", name.clone());
+            let names = written.keys().chain(plan.keys()).map(last);
+            let names: BTreeSet<(bool, String)> = names.collect();
+            names.into_iter().find_map(|(_, name)| {
                 let dot = if at.is_empty() { "" } else { "." };
                 let at = format!("{at}{dot}{name}");
-                missing_or_different(written.get(name), plan.get(name), &at)
+                missing_or_different(written.get(&name), plan.get(&name), &at)
             })
         }
         (Value::Array(written), Value::Array(plan)) => {
@@ -316,4 +319,28 @@ fn brief(value: &Value) -> String {
 fn name(value: &Value) -> Option<&str> {
     let called = || (["id", "name"].iter()).find_map(|name| value.get(name)?.as_str());
     value.as_str().or_else(called)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn another_size_of_images_is_told_as_the_parameter_that_it_is() {
+        let sized = json!({"id": "sift", "extraction": {"params": {"of": {}, "size": "640x480"}}, "params":
+            {"extractor": {"size": "640x480"}}});
+        let whole =
+            json!({"id": "sift", "extraction": {"params": {}}, "params": {"extractor": {}}});
+        assert_eq!(
+            first_difference(&sized, &whole, "").as_deref(),
+            Some("`params.extractor.size` is `640x480` there and absent here")
+        );
+        let other = json!({"id": "sift", "extraction": {"params": {}, "revision": 2}, "params": {"extractor": {}}});
+        assert_eq!(
+            first_difference(&whole, &other, "").as_deref(),
+            Some("`extraction.revision` is absent there and 2 here")
+        );
+    }
 }
