@@ -338,7 +338,24 @@ fn times_in_sentences_are_what_the_files_say() {
             14143.0 * of_images
         ),
     ];
-    for (page, sentences) in [("docs/paper.md", &paper[..]), ("docs/scale.md", &scale[..])] {
+    let slow = ["asift", "code", "repmatch", "adalam-asift", "gaim"];
+    let range = |stages: &[&str]| {
+        let times = slow.map(|id| milliseconds(id, stages).expect("it was timed"));
+        let ends = [
+            times.into_iter().fold(f64::INFINITY, f64::min),
+            times.into_iter().fold(0.0, f64::max),
+        ];
+        ends.map(rounded).join(" to ")
+    };
+    let tutorial = [
+        format!("take {} ms once for each image", range(&["detection"])),
+        format!("{} ms for each pair", range(&["matching", "selection"])),
+    ];
+    for (page, sentences) in [
+        ("docs/paper.md", &paper[..]),
+        ("docs/scale.md", &scale[..]),
+        ("docs/tutorial.md", &tutorial[..]),
+    ] {
         let book = text(page);
         for sentence in sentences {
             assert!(book.contains(sentence), "{page}: {sentence}");
