@@ -132,13 +132,9 @@ impl Lanes for Avx2 {
         unsafe {
             let low = _mm256_movemask_pd(mask.0) as usize % FIRST.len();
             let high = _mm256_movemask_pd(mask.1) as usize % FIRST.len();
-            let packed = |four, mask: usize| {
-                let places = _mm256_loadu_si256(FIRST[mask].as_ptr().cast());
-                _mm256_castps_pd(_mm256_permutevar8x32_ps(_mm256_castpd_ps(four), places))
-            };
             let to = to.as_mut_ptr();
-            _mm256_storeu_pd(to, packed(self.0, low));
-            _mm256_storeu_pd(to.add(low.count_ones() as usize), packed(self.1, high));
+            _mm256_storeu_pd(to, first_of(self.0, low));
+            _mm256_storeu_pd(to.add(low.count_ones() as usize), first_of(self.1, high));
         }
     }
 }
@@ -193,6 +189,17 @@ impl HalfPlaces {
             let (first, second) = (_mm256_castps_pd(first), _mm256_castps_pd(second));
             _mm256_blendv_pd(first, second, self.second)
         }
+    }
+}
+
+/// Those of four numbers that a mask names first. A function, since the compiler may leave a closure without the
+/// instructions of its caller.
+#[inline(always)]
+fn first_of(four: __m256d, mask: usize) -> __m256d {
+    // SAFETY: as above; there are eight places.
+    unsafe {
+        let places = _mm256_loadu_si256(FIRST[mask].as_ptr().cast());
+        _mm256_castps_pd(_mm256_permutevar8x32_ps(_mm256_castpd_ps(four), places))
     }
 }
 
