@@ -138,27 +138,41 @@ pub(super) fn jpeg_pixels(
 ) -> Result<(Size, usize, Vec<u8>), DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = check_size(jpeg_size(&decoder))?;
-    let a_pixel = JPEG_BYTES + if colour { COLOUR_BYTES } else { 0 };
-    let _memory =
-        reserve(size.area() * a_pixel).map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let stored = decoder
         .input_colorspace()
         .expect("the headers were decoded");
-    let (space, channels) = match stored {
-        ColorSpace::RGB => (ColorSpace::RGB, 3),
-        ColorSpace::YCbCr if colour => (ColorSpace::RGB, 3),
-        ColorSpace::Luma | ColorSpace::YCbCr => (ColorSpace::Luma, 1),
-        other => return Err(DecodeError::Unsupported(format!("{other:?}"))),
-    };
-    jpeg::check(bytes).map_err(|error| match error {
+    if !matches!(
+        stored,
+        ColorSpace::RGB | ColorSpace::Luma | ColorSpace::YCbCr
+    ) {
+        return Err(DecodeError::Unsupported(format!("{stored:?}")));
+    }
+    let sampling = jpeg::check(bytes).map_err(|error| match error {
         JpegError::Truncated => DecodeError::Truncated,
         JpegError::Damaged(what) => {
             DecodeError::Damaged(format!("a JPEG with {what} that are none"))
         }
+        JpegError::Unsupported(what) => DecodeError::Unsupported(format!("a JPEG with {what}")),
     })?;
+    let (space, channels) = match stored {
+        ColorSpace::YCbCr if colour => (ColorSpace::RGB, 3),
+        ColorSpace::YCbCr if sampling.is_tall => (ColorSpace::YCbCr, 3),
+        ColorSpace::RGB => (ColorSpace::RGB, 3),
+        _ => (ColorSpace::Luma, 1),
+    };
+    let more = if colour || space == ColorSpace::YCbCr {
+        COLOUR_BYTES
+    } else {
+        0
+    };
+    let _memory = reserve(size.area() * (JPEG_BYTES + more))
+        .map_err(|missing| DecodeError::NoMemory(size, missing))?;
     let mut decoder = jpeg_header(ZCursor::new(bytes))?;
     decoder.set_options(jpeg_options().jpeg_set_out_colorspace(space));
     let data = decoder.decode().map_err(|error| jpeg_error(&error))?;
+    if space == ColorSpace::YCbCr {
+        return Ok((size, 1, data.into_iter().step_by(channels).collect()));
+    }
     Ok((size, channels, data))
 }
 
@@ -369,7 +383,33 @@ mod tests {
         ] {
             assert_eq!(largest_difference_from_opencv(name), 0, "{name}");
         }
-        for name in ["color.jpg", "progressive.jpg", "gray.jpg", "turned.jpg"] {
+        for name in [
+            "color.jpg",
+            "progressive.jpg",
+            "gray.jpg",
+            "turned.jpg",
+            "tall.jpg",
+            "tall-progressive.jpg",
+        ] {
+            assert!(largest_difference_from_opencv(name) <= 1, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_jpeg_of_channels_that_the_decoder_mixes_up_is_refused() {
+        for (name, has) in [
+            ("narrow.jpg", "fewer samples than another"),
+            ("apart.jpg", "in separate scans"),
+            ("partly-apart.jpg", "in separate scans"),
+        ] {
+            let error = decode_gray(&fixture(name)).unwrap_err();
+            let DecodeError::Unsupported(what) = &error else {
+                panic!("{name}: {error}");
+            };
+            assert!(what.contains(has), "{name}: {what}");
+        }
+        // All channels are of one size, or each of them is alone and no more than one block high.
+        for name in ["apart-equal.jpg", "apart-wide.jpg"] {
             assert!(largest_difference_from_opencv(name) <= 1, "{name}");
         }
     }

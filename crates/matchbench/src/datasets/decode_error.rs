@@ -46,7 +46,7 @@ impl DecodeError {
         match self {
             Self::UnknownFormat => "convert it to png",
             Self::Truncated | Self::Damaged(_) => "copy or download the file again",
-            Self::Unsupported(_) => "convert it to 8-bit gray or colour",
+            Self::Unsupported(_) => "convert it to a png of 8-bit gray or colour",
             Self::NoDepth(_) => "store depth as a 16-bit gray png, or in HDF5",
             Self::TooLarge(_) => {
                 "check the file, scale the image down, or raise MATCHBENCH_MAX_PIXELS"

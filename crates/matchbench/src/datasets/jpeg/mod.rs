@@ -9,6 +9,10 @@
 //! - The scans together must contain every coefficient of every component to its last bit. Without this check,
 //!   a progressive file that was cut between two scans and given an end marker would show a blurred image.
 //!
+//! The decoder gives wrong pixels, or panics, for some files that the format allows and hardly any program writes: those
+//! whose first channel has fewer samples than another, and sequential ones whose channels are in separate scans though
+//! one has several samples in a unit. They are refused.
+//!
 //! The format is that of ITU-T T.81: Huffman codes, sequential and progressive, 8 bits. It is not checked that
 //! the coefficients make a sensible picture. If bits of a file were changed and still are valid codes, it is a
 //! different image, and nothing in the format shows that.
@@ -23,11 +27,19 @@ use scan::{Component, Scan, ScanComponent};
 /// is claimed.
 const MAX_SCANS: usize = 100;
 
+/// What the decoder must be told of a file.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sampling {
+    /// Whether its units are two blocks high and one wide (4:4:0): the decoder gives right pixels only if all channels
+    /// are asked for.
+    pub(super) is_tall: bool,
+}
+
 /// Checks that the image is complete, up to its end marker.
 ///
 /// # Errors
-/// If data are missing or invalid.
-pub(super) fn check(bytes: &[u8]) -> Result<(), JpegError> {
+/// If data are missing or invalid, or not decoded correctly.
+pub(super) fn check(bytes: &[u8]) -> Result<Sampling, JpegError> {
     let mut file = File::default();
     let mut at = 2; // behind the marker that every file begins with
     loop {
@@ -71,6 +83,8 @@ pub(super) enum JpegError {
     Truncated,
     /// It has invalid parts of this kind.
     Damaged(&'static str),
+    /// It has this, which is not decoded correctly.
+    Unsupported(&'static str),
 }
 
 fn damaged(what: &'static str) -> JpegError {
@@ -99,10 +113,17 @@ struct File {
 }
 
 impl File {
-    fn complete(&self) -> Result<(), JpegError> {
+    fn complete(&self) -> Result<Sampling, JpegError> {
         let whole = self.missing.iter().flatten().all(|&bits| bits == 0);
         let whole = whole && !self.missing.is_empty();
-        whole.then_some(()).ok_or(JpegError::Truncated)
+        let is_tall = self.largest_unit() == [1, 2];
+        (whole.then_some(Sampling { is_tall })).ok_or(JpegError::Truncated)
+    }
+
+    /// The most blocks of any component in a unit, across and down.
+    fn largest_unit(&self) -> [usize; 2] {
+        let largest = |axis: usize| self.components.iter().map(|one| one.unit[axis]).max();
+        [0, 1].map(|axis| largest(axis).unwrap_or(1))
     }
 
     /// Huffman codes: one segment may hold any number of tables.
@@ -130,6 +151,11 @@ impl File {
         }
         self.components =
             Component::of_frame([width, height].map(usize::from), stated).ok_or_else(none)?;
+        if self.components.len() > 1 && self.components[0].unit != self.largest_unit() {
+            return Err(JpegError::Unsupported(
+                "a first channel that has fewer samples than another",
+            ));
+        }
         self.missing = vec![[u8::MAX; 64]; self.components.len()];
         self.progressive = progressive;
         Ok(())
@@ -178,6 +204,16 @@ impl File {
                 first: usize::from(tables >> 4),
                 others: usize::from(tables & 0x0f),
             });
+        }
+        if !self.progressive && components.len() < self.components.len() {
+            let is_several =
+                |component: &ScanComponent| self.components[component.place].unit[0] > 1;
+            let across = components.len() > 1 && components.iter().any(is_several);
+            if across || self.largest_unit()[1] > 1 {
+                return Err(JpegError::Unsupported(
+                    "channels of unlike sizes in separate scans",
+                ));
+            }
         }
         let scan = Scan {
             components: &components,

@@ -12,7 +12,7 @@ const BLOCK: usize = 8;
 pub(super) struct Component {
     pub(super) id: u8,
     /// Blocks of this component in one unit of a scan of several components, across and down.
-    unit: [usize; 2],
+    pub(super) unit: [usize; 2],
     /// Blocks that hold its own pixels, across and down.
     blocks: [usize; 2],
     /// Units of several components in the frame, across and down.
