@@ -21,7 +21,7 @@ use crate::files::{move_file, sync_folder_of};
 pub(super) const FOLDER: &str = "earlier";
 
 /// Where the records of one dataset, matcher and estimator are set aside in the folder of a `run`.
-fn path(run: &Path, names: [&str; 3]) -> PathBuf {
+pub(super) fn path(run: &Path, names: [&str; 3]) -> PathBuf {
     let [dataset, matcher, estimator] = names;
     beside(run, &store::path(run, dataset, matcher, estimator))
 }
@@ -82,20 +82,57 @@ pub(super) fn waiting(run: &Path, format: u32) -> Result<usize, StoreError> {
             .strip_prefix(run.join(FOLDER))
             .expect("it was listed there");
         let file = run.join(store::FOLDER).join(inner);
-        let key = |record: RunRecord| (record.task.a, record.task.b, record.task.repetition);
-        let mut taken = BTreeSet::new();
-        if file.exists() {
-            store::for_each(&file, format, |_, record| {
-                taken.insert(key(record));
-                Ok::<_, StoreError>(())
-            })?;
-        }
-        store::for_each(&earlier, FORMAT, |_, record| {
-            waiting += usize::from(!taken.contains(&key(record)));
+        each_waiting(&earlier, &file, format, |_, _| {
+            waiting += 1;
             Ok::<_, StoreError>(())
         })?;
     }
     Ok(waiting)
+}
+
+/// Hands over the records of these names that were set aside in a `run` of this `format` and are not taken over yet, each
+/// with the number of its line, and returns where they are; nothing if there are none.
+///
+/// # Errors
+/// If a file cannot be read or has a line that is not a record; whatever `each` does not want.
+pub(super) fn for_each_waiting<E: From<StoreError>>(
+    run: &Path,
+    format: u32,
+    names: [&str; 3],
+    each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+) -> Result<Option<PathBuf>, E> {
+    let earlier = path(run, names);
+    if !earlier.exists() {
+        return Ok(None);
+    }
+    let [dataset, matcher, estimator] = names;
+    let file = store::path(run, dataset, matcher, estimator);
+    each_waiting(&earlier, &file, format, each)?;
+    Ok(Some(earlier))
+}
+
+/// Hands over the records of the file `earlier` that are not in the `file` of the run.
+fn each_waiting<E: From<StoreError>>(
+    earlier: &Path,
+    file: &Path,
+    format: u32,
+    mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+) -> Result<(), E> {
+    let key = |record: &RunRecord| (record.task.a, record.task.b, record.task.repetition);
+    let mut taken = BTreeSet::new();
+    if file.exists() {
+        store::for_each(file, format, |_, record| {
+            taken.insert(key(&record));
+            Ok::<_, StoreError>(())
+        })?;
+    }
+    store::for_each(earlier, FORMAT, |line, record| {
+        if taken.contains(&key(&record)) {
+            return Ok(());
+        }
+        each(line, record)
+    })?;
+    Ok(())
 }
 
 /// Deletes the records of these names that were set aside, and the folders that get empty.

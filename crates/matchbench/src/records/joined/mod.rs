@@ -2,7 +2,8 @@
 //! of the others elsewhere, or of two people.
 //!
 //! Records depend on the plan alone, so records of two plans that agree in what both have are those of one plan, see
-//! [`plan`](mod@plan). What both runs have recorded is taken from the one that has more of it. A native matcher has the same
+//! [`plan`](mod@plan). What both runs have recorded is taken from the one that has more of it, with what waits there because
+//! the run grew and was stopped (`earlier`): it waits in the joined run then. A native matcher has the same
 //! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
 //!
 //! All that is joined is read and checked before anything is written. The result is a run like any other: it can be
@@ -18,7 +19,7 @@ use super::images::{FIRST_WITH_NOTES, ImageNotes};
 use super::line::to_line;
 use super::{
     DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
-    Tuned, check_tasks, matches, store,
+    Tuned, check_tasks, earlier, matches, store,
 };
 use crate::counted::counted;
 use crate::files::{WholeFile, open_file};
@@ -316,8 +317,9 @@ fn records(
     dataset: &DatasetPlan,
     [matcher, estimator]: [&str; 2],
 ) -> Result<Count, JoinError> {
+    let names = [&*dataset.name, matcher, estimator];
+    let mut count = waiting(folder, names, folder.plan().tasks_on(dataset))?;
     let path = store::path(folder.path(), &dataset.name, matcher, estimator);
-    let mut count = Count::default();
     if !path.exists() {
         return Ok(count);
     }
@@ -348,6 +350,34 @@ fn records(
     Ok(count)
 }
 
+/// The number of records of these names that wait in a run that grew, of so many planned `tasks`.
+fn waiting(folder: &RunFolder, names: [&str; 3], tasks: usize) -> Result<Count, JoinError> {
+    let (run, plan) = (folder.path(), folder.plan());
+    let repetitions = plan.settings.repetitions.get();
+    let (mut count, mut results) = (BTreeMap::new(), 0);
+    earlier::for_each_waiting(run, plan.format, names, |line, record| {
+        let task = &record.task;
+        let is_of_names = [&*task.dataset, &*task.matcher, &*task.estimator] == names;
+        // A process that was killed may have left some twice; the later one counts.
+        let is_result = !record.outcome.has_failed();
+        let before = count.insert((task.a, task.b, task.repetition), is_result);
+        results += u64::from(is_result);
+        results -= u64::from(before == Some(true));
+        if !is_of_names || task.repetition >= repetitions || count.len() > tasks {
+            return Err(JoinError::Line {
+                path: earlier::path(run, names),
+                line,
+                problem: "the plan has no such task; delete the file from this line on".into(),
+            });
+        }
+        Ok(())
+    })?;
+    Ok(Count {
+        results,
+        all: count.len() as u64,
+    })
+}
+
 impl Taken<'_> {
     /// Writes it into the run `out`: matches first, since records refer to them.
     fn write(&self, out: &Path, done: &mut Joined) -> Result<(), JoinError> {
@@ -360,6 +390,11 @@ impl Taken<'_> {
                 |run: &Path| matches::inliers_path(run, &self.dataset, &self.matcher, estimator);
             if inliers(folder.path()).exists() {
                 copy_matches(&inliers(folder.path()), &inliers(out))?;
+            }
+            let names = [&*self.dataset, &*self.matcher, estimator];
+            copy_waiting(folder, names, out)?;
+            if !store::path(folder.path(), &self.dataset, &self.matcher, estimator).exists() {
+                continue;
             }
             let file = store::path(out, &self.dataset, &self.matcher, estimator);
             let mut file = WholeFile::create(&file)?;
@@ -376,6 +411,20 @@ impl Taken<'_> {
         }
         Ok(())
     }
+}
+
+/// Writes what waits of these names in a run that grew into the run `out`.
+fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), JoinError> {
+    let mut copy = None;
+    let (run, format) = (folder.path(), folder.plan().format);
+    earlier::for_each_waiting(run, format, names, |_, record| {
+        let file = match &mut copy {
+            Some(file) => file,
+            none => none.insert(WholeFile::create(&earlier::path(out, names))?),
+        };
+        Ok::<_, JoinError>(file.write_all(&to_line(&record))?)
+    })?;
+    copy.map_or(Ok(()), |file| Ok(file.finish()?))
 }
 
 /// Copies a file of matches that is none but that.

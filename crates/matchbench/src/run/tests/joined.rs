@@ -93,6 +93,49 @@ fn what_several_have_is_taken_from_the_one_that_has_more() {
 }
 
 #[test]
+fn what_waits_in_a_run_that_grew_waits_in_the_joined_one() {
+    let toy = Toy::default();
+    let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
+    bench.settings = repeated(2);
+    bench.run("whole").unwrap();
+    bench.contenders = vec![toy.contender("bright", &["second"])];
+    bench.run("other").unwrap();
+    bench.contenders = vec![toy.contender("bright", &["first"])];
+    bench.settings = repeated(1);
+    let done = bench.run("grown").unwrap().total;
+    bench.run("less").unwrap();
+    // It begins to grow, and is stopped before it does anything.
+    bench.settings = repeated(2);
+    let cancel = Cancel::default();
+    cancel.set();
+    for run in ["grown", "less"] {
+        bench.run_with(run, &Silent, &cancel).unwrap();
+    }
+    let aside = files(&bench.path("less").join("earlier"));
+    let mut records = store::read(&aside[0]).unwrap();
+    records.pop();
+    store::rewrite(&aside[0], &records).unwrap();
+
+    joined(&bench, &["less", "grown", "other"], "all").unwrap();
+    let waiting = RunFolder::open(&bench.path("all")).unwrap().waiting();
+    assert_eq!(waiting.unwrap(), done, "of the run that has more");
+    bench.contenders = vec![toy.contender("bright", &["first", "second"])];
+    let summary = bench.run("all").unwrap();
+    assert_eq!((summary.now, summary.is_complete()), (done, true));
+    let mut records = bench.records("all");
+    records.retain(|record| record.task.estimator == "first");
+    assert_eq!(records, bench.records("whole"));
+
+    records[1].task.repetition = 2;
+    store::rewrite(&aside[0], &records).unwrap();
+    let message = refused(&bench, &["less", "other"]);
+    assert!(
+        message.contains("earlier") && message.contains(":2: the plan has no such task"),
+        "{message}"
+    );
+}
+
+#[test]
 fn runs_that_contradict_each_other_are_not_joined() {
     let toy = Toy::default();
     let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
