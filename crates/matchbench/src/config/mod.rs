@@ -126,6 +126,7 @@ fn in_plain_words(error: &str) -> String {
     let wanted = match wanted {
         "f32" | "f64" => "a number",
         "u8" => "a whole number, 0 to 255",
+        "u32" | "a nonzero u32" if is_beyond_u32(said) => "a whole number, 4294967295 at most",
         "u32" | "u64" | "usize" => "a whole number, 0 or more",
         "a nonzero u32" | "a nonzero usize" => "a whole number, 1 or more",
         "a boolean" => "true or false",
@@ -133,6 +134,15 @@ fn in_plain_words(error: &str) -> String {
         other => other,
     };
     format!("{said}expected {wanted}")
+}
+
+/// Whether an error of serde is about a whole number that has more than 32 bits.
+fn is_beyond_u32(said: &str) -> bool {
+    let found = said.split_once("integer `").map(|(_, rest)| rest);
+    let digits = found.and_then(|rest| rest.split('`').next());
+    digits
+        .and_then(|digits| digits.parse().ok())
+        .is_some_and(|number: u64| number > u32::MAX.into())
 }
 
 /// As [`parse_params`], for a matcher whose defaults are not those of the type.

@@ -156,6 +156,11 @@ mod tests {
             ("seed = -1\n", 1, "-1"),
             ("repeat = 0\n", 1, "0"),
             ("repeat = 'x'\n", 1, "expected a whole number, 1 or more"),
+            (
+                "repeat = 4294967296\n",
+                1,
+                "expected a whole number, 4294967295 at most",
+            ),
             ("limit = 0\n", 1, "0"),
             ("limit = 1.5\n", 1, "expected a whole number, 1 or more"),
             ("seed = 'x'\n", 1, "expected a whole number, 0 or more"),
