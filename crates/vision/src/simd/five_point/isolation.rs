@@ -3,7 +3,8 @@
 //! [`crate::geometry::solvers::real_roots`] says how. Intervals that are to be halved wait until up to eight of them are taken
 //! together, the last ones first.
 
-use super::roots::{Brackets, Found, N, numbered};
+use super::found::{Found, numbered};
+use super::{N, ROOM};
 use crate::simd::lanes::{LANES, Lanes, Mask, Pool};
 
 /// Intervals are halved at most 32 times, to this width: two roots closer than this (in s) count as one.
@@ -15,6 +16,9 @@ const WAITING: usize = 6 * LANES;
 /// Bernstein coefficients of polynomials in `low < s < low + width`; then `low`, `width` and the polynomial: of the eight,
 /// then of the eight p(-z).
 type Intervals = Pool<{ N + 3 }, WAITING>;
+
+/// Intervals with one root: `low` and `high`, the sign that the polynomial has before `high`, and the polynomial.
+pub(super) type Brackets = Pool<4, ROOM>;
 
 /// Adds intervals with one root each; a root that is met on the way is found.
 #[inline(always)]

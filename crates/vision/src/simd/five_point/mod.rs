@@ -9,6 +9,7 @@
     reason = "places in rows, columns and lanes are the subject"
 )]
 
+mod found;
 mod isolation;
 mod newton;
 mod polish;
@@ -29,6 +30,8 @@ pub const SAMPLES: usize = LANES;
 pub const COORDINATES: usize = 20;
 /// Models of a sample, at most.
 const MODELS: usize = 10;
+/// Coefficients of a polynomial that has as many roots.
+const N: usize = MODELS + 1;
 /// Models of all samples, and as many more as are written at once.
 const ROOM: usize = MODELS * SAMPLES + LANES;
 

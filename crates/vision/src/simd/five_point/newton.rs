@@ -1,6 +1,8 @@
 //! Newton's method in intervals with one root each, eight or sixteen at a time.
 
-use super::roots::{Brackets, Found, N};
+use super::N;
+use super::found::Found;
+use super::isolation::Brackets;
 use crate::simd::lanes::{LANES, Lanes, Mask, places_of};
 
 /// Newton's method alone is given so many steps; then every other one halves the bracket.
