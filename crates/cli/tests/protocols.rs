@@ -84,18 +84,20 @@ fn every_protocol_is_a_row_of_its_own_on_the_same_matches() {
     assert!(names.iter().all(|name| listed.contains(name)) && listed.contains("magicleap"));
 }
 
+const ORB_BY_SUPERGLUE: [&str; 6] = [
+    "run",
+    "wall",
+    "--matchers",
+    "orb",
+    "--protocol",
+    "superglue",
+];
+
 #[test]
 fn one_protocol_decides_on_size_and_estimator_unless_told_otherwise() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     dataset(folder.path(), "wall", 3);
-    let start = [
-        "run",
-        "wall",
-        "--matchers",
-        "orb",
-        "--protocol",
-        "superglue",
-    ];
+    let start = ORB_BY_SUPERGLUE;
     told(&[&start[..], &["--out", "own"]].concat(), folder.path());
     let own = plan(&folder.path().join("own"));
     assert_eq!(own["matchers"][0]["params"]["extractor"]["size"], "640x480");
@@ -141,16 +143,8 @@ fn of_homographies_no_scores_of_protocols_are_promised() {
     let wall = dataset(folder.path(), "wall", 3);
     homographies(&wall, &[(0, 1), (0, 2), (1, 2)]);
     let run = |estimators: &str, out: &str| {
-        let which = [
-            "run",
-            "wall",
-            "--matchers",
-            "orb",
-            "--protocol",
-            "superglue",
-        ];
         let how = ["--estimator", estimators, "--out", out];
-        told(&[&which[..], &how].concat(), folder.path())
+        told(&[&ORB_BY_SUPERGLUE[..], &how].concat(), folder.path())
     };
     let (plane, both) = (run("best-h", "plane"), run("best-h,best", "both"));
     assert!(!plane.contains("eval plane --protocol"), "{plane}");

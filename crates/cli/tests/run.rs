@@ -247,17 +247,19 @@ fn a_signal_that_was_ignored_at_the_start_stops_nothing() {
     assert_eq!(records(&run, "wall", "sift").len(), PAIRS);
 }
 
+/// How a command ended in a folder, and what it said.
+fn ended(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let done = matchbench().current_dir(folder).args(words).output();
+    let done = done.expect("the program starts");
+    let said = [done.stdout, done.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    (done.status.code(), said.concat())
+}
+
 #[test]
 fn runs_of_several_matchers_are_joined_and_go_on_as_one() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 4);
-    let go = |words: &[&str]| {
-        let done = matchbench().current_dir(&folder).args(words).output();
-        let done = done.expect("the program starts");
-        let said =
-            [done.stdout, done.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-        (done.status.code(), said.concat())
-    };
+    let go = |words: &[&str]| ended(folder.path(), words);
     assert!(wall.is_dir());
     for matcher in ["sift", "orb"] {
         let (code, said) = go(&["run", "wall", "--matchers", matcher, "--out", matcher]);
@@ -357,13 +359,7 @@ fn records_that_no_run_writes_are_not_joined() {
 fn runs_that_are_joined_can_be_finished() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let at = |name: &str| folder.path().join(name);
-    let go = |words: &[&str]| {
-        let done = matchbench().current_dir(&folder).args(words).output();
-        let done = done.expect("the program starts");
-        let said =
-            [done.stdout, done.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-        (done.status.code(), said.concat())
-    };
+    let go = |words: &[&str]| ended(folder.path(), words);
     dataset(folder.path(), "views", 3);
     let plane = dataset(folder.path(), "plane", 3);
     homographies(&plane, &[(0, 1), (0, 2)]);

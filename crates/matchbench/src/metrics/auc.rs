@@ -108,7 +108,7 @@ mod tests {
     use super::super::score_kind::mean_of_terms;
     use super::super::{Failure, Interval, PairResult, Scores};
     use super::*;
-    use matchbench_vision::seed::Seed;
+    use matchbench_vision::seed::{Rng, Seed};
 
     fn pairs() -> [PairResult; 4] {
         [
@@ -158,28 +158,33 @@ mod tests {
         }
     }
 
+    /// All pairs of so many images. Errors are `median exp(v)` degrees, v normal with variance 0.75: a quarter of each image
+    /// and one of the pair.
+    fn drawn(rng: &mut Rng, images: usize, median: f64) -> Vec<PairResult> {
+        let effects: Vec<f64> = (0..images).map(|_| rng.normal()).collect();
+        (0..images)
+            .flat_map(|a| (a + 1..images).map(move |b| (a, b)))
+            .map(|(a, b)| {
+                let v = 0.5 * (effects[a] + effects[b] + rng.normal());
+                PairResult {
+                    a: a as u32,
+                    b: b as u32,
+                    ..solved(0, median * libm::exp(v), 0.0, 30)
+                }
+            })
+            .collect()
+    }
+
     #[test]
     fn intervals_of_what_others_call_auc_hold_the_true_score_in_19_of_20_cases() {
-        // Errors are 5 exp(v) degrees, v normal with variance 0.75: a quarter of each image and one of the pair. Then the
-        // exact AUC at 5 degrees is 1 / 2 - exp(0.375) P(-s), with s^2 = 0.75 and P the normal distribution; mAA is the
+        // With s^2 = 0.75 and P the normal distribution, the exact AUC at 5 degrees is 1 / 2 - exp(0.375) P(-s); mAA is the
         // mean of P(log(k / 5) / s) over k = 1 ... 10.
         let truths = [("exact_auc_5", 0.218_840), ("maa_10", 0.483_304)];
         let mut rng = Seed(31).rng();
         let (images, cases) = (16, 400);
         let mut held = [0; 2];
         for _ in 0..cases {
-            let effects: Vec<f64> = (0..images).map(|_| rng.normal()).collect();
-            let pairs: Vec<PairResult> = (0..images)
-                .flat_map(|a| (a + 1..images).map(move |b| (a, b)))
-                .map(|(a, b)| {
-                    let v = 0.5 * (effects[a] + effects[b] + rng.normal());
-                    PairResult {
-                        a: a as u32,
-                        b: b as u32,
-                        ..solved(0, 5.0 * libm::exp(v), 0.0, 30)
-                    }
-                })
-                .collect();
+            let pairs = drawn(&mut rng, images, 5.0);
             let scores = Scores::new(&pairs);
             for (held, (id, truth)) in held.iter_mut().zip(truths) {
                 let interval = scores.get(id).interval.expect("images enough");
@@ -195,7 +200,7 @@ mod tests {
     #[test]
     #[ignore = "prints a measurement of the book"]
     fn how_often_intervals_hold_where_few_pairs_are_right() {
-        // As above, with errors that are larger by a factor. The true score is the mean one.
+        // With errors that are larger by a factor. The true score is the mean one.
         for (images, factor) in [8, 16]
             .into_iter()
             .flat_map(|images| [1.0, 2.0, 3.0, 5.0, 7.5].map(|factor| (images, factor)))
@@ -204,18 +209,7 @@ mod tests {
             let mut found = Vec::new();
             let (mut right, mut all) = (0, 0);
             for _ in 0..cases {
-                let effects: Vec<f64> = (0..images).map(|_| rng.normal()).collect();
-                let pairs: Vec<PairResult> = (0..images)
-                    .flat_map(|a| (a + 1..images).map(move |b| (a, b)))
-                    .map(|(a, b)| {
-                        let v = 0.5 * (effects[a] + effects[b] + rng.normal());
-                        PairResult {
-                            a: a as u32,
-                            b: b as u32,
-                            ..solved(0, 5.0 * factor * libm::exp(v), 0.0, 30)
-                        }
-                    })
-                    .collect();
+                let pairs = drawn(&mut rng, images, 5.0 * factor);
                 let is_right = |pair: &&PairResult| pair.sign_agnostic_error() < Some(5.0);
                 right += pairs.iter().filter(is_right).count();
                 all += pairs.len();
