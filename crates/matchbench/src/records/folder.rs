@@ -405,32 +405,26 @@ impl RunWriter {
             None => {}
         }
         let mut checked = None;
-        if let Some(before) = &written
-            && before.plan != plan
-        {
-            let written = &before.plan;
-            store::add_checksums(path, written.format)?;
-            if written.format < images::FIRST_WITH_NOTES {
-                for dataset in &written.datasets {
-                    ImageNotes::open(path, &dataset.name)?.begin()?;
+        if written.as_ref().map(|before| &before.plan) != Some(&plan) {
+            if let Some(before @ RunFolder { plan: written, .. }) = &written {
+                store::add_checksums(path, written.format)?;
+                if written.format < images::FIRST_WITH_NOTES {
+                    for dataset in &written.datasets {
+                        ImageNotes::open(path, &dataset.name)?.begin()?;
+                    }
+                }
+                if written.settings != plan.settings {
+                    checked = Some(check(before)?);
+                }
+                if moves_tasks(written, &plan) {
+                    earlier::set_aside(path)?;
                 }
             }
-            if written.settings != plan.settings {
-                checked = Some(check(before)?);
-            }
-            if moves_tasks(written, &plan) {
-                earlier::set_aside(path)?;
-            }
+            write_json(&plan_file, &plan)?;
         }
-        let folder = RunFolder {
-            path: path.into(),
-            plan,
-        };
-        if written.is_none_or(|written| written.plan != folder.plan) {
-            write_json(&plan_file, &folder.plan)?;
-        }
+        let path = path.into();
         let writer = Self {
-            folder,
+            folder: RunFolder { path, plan },
             _locks: locks,
         };
         Ok((writer, checked))
