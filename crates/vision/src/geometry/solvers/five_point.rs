@@ -72,11 +72,10 @@ pub fn five_point_of_each(
             place.copy_from_slice(&[point.x, point.y]);
         }
     }
-    solutions.truncate(samples.len());
+    solutions.resize_with(samples.len(), Solutions::none);
     for of_sample in &mut *solutions {
         of_sample.clear();
     }
-    solutions.resize(samples.len(), Solutions::none());
     simd::five_point_of_eight(&coordinates, oriented, &mut |sample, model| {
         solutions[sample].push(Matrix3::from_row_slice(model));
     });

@@ -5,6 +5,15 @@ use crate::simd::lanes::{Lanes, Mask};
 /// A sample whose equations are this close to dependent, relative to their size, is degenerate.
 const RANK_TOLERANCE: f64 = 1e-10;
 
+/// Repeats a block for each of these numbers, which the compiler knows in it: how many entries are left of a column, say,
+/// which it keeps in registers then.
+macro_rules! for_each_const {
+    ($name:ident in $($number:literal)* => $body:block) => {$({
+        const $name: usize = $number;
+        $body
+    })*};
+}
+
 /// What is known of eight samples before their roots are.
 pub(super) struct Reduced<V> {
     /// The four matrices X, Y, Z and W, row after row.
@@ -77,29 +86,19 @@ fn null_space<V: Lanes>(points: &[V; 20]) -> ([[V; 9]; 4], V::Mask) {
     for (i, q) in basis.iter_mut().enumerate() {
         q[5 + i] = V::all(1.0);
     }
-    // Each with its number of entries known to the compiler.
-    macro_rules! for_each_of {
-        ($step:ident, $($k:literal)*) => {$($step!($k);)*};
-    }
-    macro_rules! reflect_columns {
-        ($k:literal) => {
-            let (head, tail) = columns.split_at_mut($k + 1);
-            let norm = make_reflection::<V, $k>(&mut head[$k]);
-            independent = independent.and(norm.above(V::all(RANK_TOLERANCE)));
-            for column in tail {
-                reflect::<V, $k>(column, &head[$k]);
-            }
-        };
-    }
-    for_each_of!(reflect_columns, 0 1 2 3 4);
-    macro_rules! reflect_basis {
-        ($k:literal) => {
-            for q in &mut basis {
-                reflect::<V, $k>(q, &columns[$k]);
-            }
-        };
-    }
-    for_each_of!(reflect_basis, 4 3 2 1 0);
+    for_each_const!(K in 0 1 2 3 4 => {
+        let (head, tail) = columns.split_at_mut(K + 1);
+        let norm = make_reflection::<V, K>(&mut head[K]);
+        independent = independent.and(norm.above(V::all(RANK_TOLERANCE)));
+        for column in tail {
+            reflect::<V, K>(column, &head[K]);
+        }
+    });
+    for_each_const!(K in 4 3 2 1 0 => {
+        for q in &mut basis {
+            reflect::<V, K>(q, &columns[K]);
+        }
+    });
     (basis, V::Mask::all().and_not(independent))
 }
 
@@ -240,19 +239,14 @@ fn multiply_quadratic<V: Lanes>(p: &Quadratic<V>, q: &Linear<V>) -> Cubic<V> {
 #[inline(always)]
 fn eliminate<V: Lanes>(m: &mut [Cubic<V>; 10]) -> ([[V; 10]; 6], V::Mask) {
     let mut regular = V::Mask::all();
-    // Each with its number of rows known to the compiler, which keeps a column of them in registers.
-    macro_rules! eliminate_below {
-        ($($k:literal)*) => {$(
-            eliminate_below::<V, $k>(m);
-            regular = regular.and(m[$k][$k].abs().above(V::zero()));
-        )*};
-    }
-    eliminate_below!(0 1 2 3 4 5 6 7 8 9);
+    for_each_const!(K in 0 1 2 3 4 5 6 7 8 9 => {
+        eliminate_below::<V, K>(m);
+        regular = regular.and(m[K][K].abs().above(V::zero()));
+    });
     let mut reduced = [[V::zero(); 10]; 6];
-    macro_rules! eliminate_above {
-        ($($i:literal)*) => {$(eliminate_above::<V, $i>(m, &mut reduced);)*};
-    }
-    eliminate_above!(5 4 3 2 1 0);
+    for_each_const!(I in 5 4 3 2 1 0 => {
+        eliminate_above::<V, I>(m, &mut reduced);
+    });
     (reduced, V::Mask::all().and_not(regular))
 }
 
