@@ -11,7 +11,6 @@
 //! The latter two are sign-agnostic: a translation and its opposite count as the same. Failed and
 //! missing pairs count in the denominator here too. A table should say which one it shows.
 
-use super::success::gain_of_corners;
 use super::{Model, PairResult, Term};
 
 /// Area under recall over pose error, from 0 to `limit` degrees, divided by `limit`.
@@ -27,15 +26,7 @@ pub fn exact_auc(pairs: &[PairResult], limit: f64) -> f64 {
 /// The same of the corner errors of homographies, up to `limit` pixels: what is reported on HPatches. NaN where
 /// there are none.
 pub fn corner_auc(pairs: &[PairResult], limit: f64) -> f64 {
-    corner_auc_of(pairs.iter(), limit)
-}
-
-/// [`corner_auc`] of pairs that do not stand side by side.
-pub(super) fn corner_auc_of<'a>(
-    pairs: impl Iterator<Item = &'a PairResult> + Clone,
-    limit: f64,
-) -> f64 {
-    let homographies = pairs.filter(|pair| pair.model == Model::Homography);
+    let homographies = (pairs.iter()).filter(|pair| pair.model == Model::Homography);
     auc_of(homographies.map(PairResult::corner_error), limit)
 }
 
@@ -54,33 +45,58 @@ fn auc_of(errors: impl Iterator<Item = Option<f64>> + Clone, limit: f64) -> f64 
     area / (limit * pairs)
 }
 
-/// What a pair adds to the mean that is nearly [`corner_auc`], and so has its standard error: the two differ by the
-/// trapezoids alone, at most by 1 / (2 n) for n pairs.
-pub(super) fn corner_auc_term(pair: &PairResult, limit: f64) -> Term {
-    Term {
-        images: (pair.a, pair.b),
-        numerator: gain_of_corners(pair, limit),
-        denominator: f64::from(u8::from(pair.model == Model::Homography)),
-    }
+/// What each of these errors adds to the area under recall up to `limit`, as a share of the largest area; the AUC is
+/// their mean.
+///
+/// From its error e on, a pair that is right adds `limit - e`. The trapezoids of all m right pairs add half of the largest
+/// of their errors, which is shared out evenly, since no pair alone decides it.
+pub(super) fn areas(errors: &[Option<f64>], limit: f64) -> Vec<f64> {
+    let right = || errors.iter().flatten().filter(|error| **error < limit);
+    let largest = right().copied().fold(0.0, f64::max);
+    let trapezoid = largest / (2.0 * limit * right().count() as f64);
+    (errors.iter())
+        .map(|error| match error {
+            Some(error) if *error < limit => 1.0 - error / limit + trapezoid,
+            _ => 0.0,
+        })
+        .collect()
 }
 
-/// The same of [`exact_auc`].
-pub(super) fn exact_auc_term(pair: &PairResult, limit: f64) -> Term {
-    let below = (pair.sign_agnostic_error()).map_or(0.0, |error| 1.0 - error / limit);
-    term_of_poses(pair, below.max(0.0))
+/// What pairs add to [`exact_auc`].
+pub(super) fn exact_auc_terms(pairs: &[PairResult], limit: f64) -> Vec<Term> {
+    terms_of(pairs, Model::Pose, limit, PairResult::sign_agnostic_error)
+}
+
+/// What pairs add to [`corner_auc`].
+pub(super) fn corner_auc_terms(pairs: &[PairResult], limit: f64) -> Vec<Term> {
+    terms_of(pairs, Model::Homography, limit, PairResult::corner_error)
+}
+
+fn terms_of(
+    pairs: &[PairResult],
+    model: Model,
+    limit: f64,
+    error: impl Fn(&PairResult) -> Option<f64>,
+) -> Vec<Term> {
+    let errors: Vec<Option<f64>> = pairs.iter().map(error).collect();
+    (pairs.iter().zip(areas(&errors, limit)))
+        .map(|(pair, area)| term(pair, model, area))
+        .collect()
 }
 
 /// What a pair adds to [`maa`], which is a mean.
 pub(super) fn maa_term(pair: &PairResult, limit: u32) -> Term {
-    term_of_poses(pair, passed(pair, limit) as f64 / f64::from(limit))
+    let share = passed(pair, limit) as f64 / f64::from(limit);
+    term(pair, Model::Pose, share)
 }
 
-fn term_of_poses(pair: &PairResult, share: f64) -> Term {
-    let is_pose = f64::from(u8::from(pair.model == Model::Pose));
+/// Of a score of such models.
+fn term(pair: &PairResult, model: Model, share: f64) -> Term {
+    let counts = f64::from(u8::from(pair.model == model));
     Term {
         images: (pair.a, pair.b),
-        numerator: is_pose * share,
-        denominator: is_pose,
+        numerator: counts * share,
+        denominator: counts,
     }
 }
 
@@ -150,12 +166,25 @@ mod tests {
         let pairs = pairs();
         let of_maa = mean_of_terms(&pairs, |pair| maa_term(pair, 10));
         assert!((of_maa - maa(&pairs, 10)).abs() < 1e-15);
-        // Errors 1, 3 and 7 of four pairs: 4/5 + 2/5, and 9/10 + 7/10 + 3/10.
-        for (limit, mean) in [(5.0, 1.2 / 4.0), (10.0, 1.9 / 4.0)] {
-            let of_exact = mean_of_terms(&pairs, |pair| exact_auc_term(pair, limit));
-            assert!((of_exact - mean).abs() < 1e-15);
-            assert!((of_exact - exact_auc(&pairs, limit)).abs() <= 1.0 / 8.0);
+        // Errors 1, 3 and 7 of four pairs: 4/5 + 2/5 and half of 3/5, and 9/10 + 7/10 + 3/10 and half of 7/10.
+        for (limit, sum) in [(5.0, 1.5), (10.0, 2.25)] {
+            let terms = exact_auc_terms(&pairs, limit);
+            let added: f64 = terms.iter().map(|term| term.numerator).sum();
+            assert!((added - sum).abs() < 1e-15);
+            assert!((added / 4.0 - exact_auc(&pairs, limit)).abs() < 1e-15);
         }
+        // The half is shared by those that are right.
+        let added = exact_auc_terms(&pairs, 5.0)
+            .into_iter()
+            .map(|term| term.numerator);
+        let expected = [0.4 + 0.15, 0.8 + 0.15, 0.0, 0.0];
+        assert!(
+            added
+                .zip(expected)
+                .all(|(added, expected)| (added - expected).abs() < 1e-15)
+        );
+        // Where none is right nothing is shared.
+        assert_eq!(areas(&[Some(5.0), None], 5.0), [0.0, 0.0]);
     }
 
     /// All pairs of so many images. Errors are `median exp(v)` degrees, v normal with variance 0.75: a quarter of each image

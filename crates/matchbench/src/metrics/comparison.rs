@@ -5,11 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use super::auc::corner_auc_of;
 use super::average_matches::is_right;
-use super::intervals::Ratio;
+use super::gains::gains;
 use super::scores::AP_THRESHOLD;
-use super::success::{HEADLINE_PX, gain};
+use super::success::HEADLINE_PX;
 use super::{Angle, Difference, Groups, Model, PairResult, ResultSet, Term, is_above, ranking_auc};
 
 /// What changed from one set of results to another on the pairs that both have.
@@ -83,7 +82,7 @@ pub struct Lead {
     /// Matcher and estimator that they are compared with.
     pub other: (String, String),
     /// How much better the best are, with the paired interval; certain if the best share no letter with the others
-    /// (see [`groups`](super::groups())), and of homographies are better on the pairs that both have.
+    /// (see [`groups`](super::groups())).
     pub difference: Difference,
 }
 
@@ -114,22 +113,16 @@ pub fn leads(sets: &[ResultSet], groups: &Groups) -> Vec<Lead> {
         .filter(|(_, set)| set.lacking == 0)
         .filter_map(|(i, set)| Some((best.get(&key(set))?.0, i, set)))
         .filter(|&(best, _, set)| method(&sets[best]) != method(set))
-        .map(|(best, i, set)| {
-            let difference = auc_difference(&sets[best], set);
-            // Letters are by the mean over pairs, which of homographies is only nearly their score.
-            let agrees =
-                set.model() == Model::Pose || difference.value.is_some_and(|value| value > 0.0);
-            Lead {
-                dataset: set.dataset.clone(),
-                model: set.model(),
-                best: method(&sets[best]),
-                other: method(set),
-                difference: Difference {
-                    is_certain: groups.differ(best, i) && agrees,
-                    together: Some(comparisons(set)),
-                    ..difference
-                },
-            }
+        .map(|(best, i, set)| Lead {
+            dataset: set.dataset.clone(),
+            model: set.model(),
+            best: method(&sets[best]),
+            other: method(set),
+            difference: Difference {
+                is_certain: groups.differ(best, i),
+                together: Some(comparisons(set)),
+                ..auc_difference(&sets[best], set)
+            },
         })
         .collect()
 }
@@ -148,22 +141,17 @@ pub fn twins<'a>(
 
 /// Of one angle of the error; of homographies, which have no angles, that of the corner error for [`Angle::Pose`].
 fn difference(twins: &[(&PairResult, &PairResult)], angle: Angle) -> Difference {
-    let terms: Vec<Term> = (twins.iter())
-        .filter_map(|(before, after)| {
+    let (before, after): (Vec<&PairResult>, Vec<&PairResult>) = twins.iter().copied().unzip();
+    let gained = gains(&before, angle).into_iter().zip(gains(&after, angle));
+    let terms: Vec<Term> = (after.iter().zip(gained))
+        .filter_map(|(pair, (before, after))| {
             Some(Term {
-                images: (after.a, after.b),
-                numerator: gain(after, angle)? - gain(before, angle)?,
+                images: (pair.a, pair.b),
+                numerator: after? - before?,
                 denominator: 1.0,
             })
         })
         .collect();
-    let corners = |pair: &PairResult| pair.model == Model::Homography;
-    let of_corners = (twins.iter()).all(|(before, after)| corners(before) && corners(after));
-    if of_corners && let Some(mean) = Ratio::of(terms.iter().copied()) {
-        let before = corner_auc_of(twins.iter().map(|(before, _)| *before), HEADLINE_PX);
-        let after = corner_auc_of(twins.iter().map(|(_, after)| *after), HEADLINE_PX);
-        return Difference::of(after - before, mean);
-    }
     Difference::new(&terms)
 }
 
@@ -248,7 +236,8 @@ mod tests {
         let comparison = compare(&one, &other);
         let scores = [&one, &other].map(|set| ranking_auc(&set.pairs));
         assert_eq!([comparison.before, comparison.after], scores.map(Some));
-        assert_eq!(comparison.auc.value, Some(scores[1] - scores[0]));
+        let by = comparison.auc.value.expect("the same pairs");
+        assert!((by - (scores[1] - scores[0])).abs() < 1e-15);
         let interval = comparison.auc.interval.expect("eight images");
         assert!(interval.low < interval.high && !comparison.auc.is_zero());
         assert!(!comparison.auc.is_certain);

@@ -12,10 +12,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::gains::gains;
 use super::intervals::{Dyads, MIN_IMAGES};
 use super::significance::p_value;
 use super::students_t::ALPHA;
-use super::success::gain;
 use super::{Angle, Model, PairResult, ResultSet};
 
 /// What a table says about its letters.
@@ -116,11 +116,12 @@ impl Rivals {
         let place_of: BTreeMap<_, usize> = common.into_iter().zip(places).collect();
         let sums = |&i: &usize| {
             let mut sums = vec![0.0; dyads.len()];
-            for pair in &sets[i].pairs {
-                if let Some(place) = place_of.get(&key(pair)) {
-                    sums[*place] +=
-                        gain(pair, Angle::Pose).expect("poses and homographies have it");
-                }
+            let place = |pair: &PairResult| place_of.get(&key(pair)).copied();
+            let (places, pairs): (Vec<usize>, Vec<&PairResult>) = (sets[i].pairs.iter())
+                .filter_map(|pair| Some((place(pair)?, pair)))
+                .unzip();
+            for (place, gain) in places.into_iter().zip(gains(&pairs, Angle::Pose)) {
+                sums[place] += gain.expect("poses and homographies have it");
             }
             (i, sums)
         };

@@ -199,25 +199,25 @@ impl Ratio {
         (self.units >= MIN_IMAGES).then(|| students_t::quantile(self.units - 1) * self.error)
     }
 
-    /// The interval of any number; about `value`, if that is not quite the ratio.
-    pub(super) fn interval(&self, value: f64) -> Option<Interval> {
+    /// The interval of any number.
+    pub(super) fn interval(&self) -> Option<Interval> {
         let reach = self.reach()?;
         Some(Interval {
-            low: value - reach,
-            high: value + reach,
+            low: self.value - reach,
+            high: self.value + reach,
         })
     }
 
     /// The interval of a mean count, which is not negative.
     pub(super) fn interval_of_count(&self) -> Option<Interval> {
-        let Interval { low, high } = self.interval(self.value)?;
+        let Interval { low, high } = self.interval()?;
         let low = low.max(0.0);
         Some(Interval { low, high })
     }
 
-    /// The interval of a share between 0 and 1; about `value`, if that is not quite the ratio.
-    pub(super) fn interval_of_share(&self, value: f64) -> Option<Interval> {
-        let reach = self.reach()?;
+    /// The interval of a share between 0 and 1.
+    pub(super) fn interval_of_share(&self) -> Option<Interval> {
+        let (reach, value) = (self.reach()?, self.value);
         if self.error < ROUNDING || value <= 0.0 || value >= 1.0 {
             let value = value.clamp(0.0, 1.0);
             let unlike = 1.0 - libm::pow(ALPHA / 2.0, 1.0 / self.units as f64);
@@ -260,7 +260,7 @@ mod tests {
             (ratio.error - 0.5 / 399_f64.sqrt()).abs() < 1e-12,
             "{ratio:?}"
         );
-        let interval = ratio.interval(0.5).expect("400 pairs are enough");
+        let interval = ratio.interval().expect("400 pairs are enough");
         assert!((interval.high - 0.5492).abs() < 1e-4, "{interval:?}");
     }
 
@@ -333,7 +333,7 @@ mod tests {
             let holds = (0..1000)
                 .filter(|_| {
                     let ratio = Ratio::of(drawn(images, &mut rng)).expect("there are pairs");
-                    let interval = ratio.interval(ratio.value).expect("six images");
+                    let interval = ratio.interval().expect("six images");
                     (interval.low..interval.high).contains(&0.0)
                 })
                 .count();
@@ -347,7 +347,7 @@ mod tests {
         let hard = |i: u32| f64::from(i % 10) / 20.0;
         let terms = (0..50).map(|i| term((i, i + 1), (hard(i) + 0.1) - hard(i)));
         let ratio = Ratio::of(terms).expect("there are pairs");
-        let interval = ratio.interval(ratio.value).expect("enough images");
+        let interval = ratio.interval().expect("enough images");
         assert!((interval.low - 0.1).abs() < 1e-12 && (interval.high - 0.1).abs() < 1e-12);
     }
 
@@ -356,7 +356,7 @@ mod tests {
         let of = |right: u32| {
             let terms = (0..20).map(|i| term((i, 100 + i), f64::from(u8::from(i < right))));
             let ratio = Ratio::of(terms).expect("there are pairs");
-            ratio.interval_of_share(ratio.value).expect("twenty pairs")
+            ratio.interval_of_share().expect("twenty pairs")
         };
         let (none, one, half, all) = (of(0), of(1), of(10), of(20));
         // Clopper and Pearson: 1 - 0.025^(1/20).
@@ -372,7 +372,7 @@ mod tests {
         // The AUC of 20 pairs that all pass 14 of 15 thresholds.
         let terms = (0..20).map(|i| term((i, 100 + i), 14.0 / 15.0));
         let ratio = Ratio::of(terms).expect("there are pairs");
-        let interval = ratio.interval_of_share(ratio.value).expect("twenty pairs");
+        let interval = ratio.interval_of_share().expect("twenty pairs");
         let unlike = 1.0 - 0.025_f64.powf(1.0 / 20.0);
         assert!(
             (interval.low - 14.0 / 15.0 * (1.0 - unlike)).abs() < 1e-9,
@@ -388,7 +388,7 @@ mod tests {
     fn no_interval_without_evidence() {
         assert_eq!(Ratio::of([]), None);
         let few = Ratio::of((0..5).map(|i| term((i, 10 + i), 0.5))).expect("there are pairs");
-        assert_eq!((few.units, few.interval(0.5)), (5, None));
+        assert_eq!((few.units, few.interval()), (5, None));
         // Pairs that a score is not about are no evidence.
         let never_right = (0..20).map(|i| Term {
             denominator: 0.0,

@@ -17,6 +17,7 @@ mod doubts;
 mod errors;
 mod failure;
 mod failures;
+mod gains;
 mod groups;
 mod hard_pairs;
 mod intervals;

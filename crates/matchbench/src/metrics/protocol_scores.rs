@@ -95,7 +95,7 @@ fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> P
             id: kind.id,
             score: Score {
                 value,
-                interval: value.and_then(|value| kind.interval(groups.iter().flatten(), value)),
+                interval: value.and_then(|_| kind.interval(groups.iter().map(Vec::as_slice))),
             },
             deviation: deviation(&values),
         }

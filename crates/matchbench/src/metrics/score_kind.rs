@@ -42,8 +42,8 @@ pub enum Spread {
     Unknown,
     /// The score is a ratio of sums over pairs, and this is what one pair adds.
     Terms(fn(&PairResult) -> Term),
-    /// The score is nearly a ratio of sums over pairs, whose standard error it has; this is what one pair adds.
-    Nearly(fn(&PairResult) -> Term),
+    /// The same, where what a pair adds depends on the others.
+    TermsOfAll(fn(&[PairResult]) -> Vec<Term>),
 }
 
 impl ScoreKind {
@@ -52,23 +52,25 @@ impl ScoreKind {
         !matches!(self.spread, Spread::Unknown)
     }
 
-    /// The 95 % interval of the score of these pairs, which is `value`; `None` where there is not enough evidence.
+    /// The 95 % interval of the mean score of these sets of as many pairs; `None` where there is not enough evidence.
     pub(super) fn interval<'a>(
         &self,
-        pairs: impl IntoIterator<Item = &'a PairResult>,
-        value: f64,
+        sets: impl IntoIterator<Item = &'a [PairResult]>,
     ) -> Option<Interval> {
-        let ratio = |term| Ratio::of(pairs.into_iter().map(term));
+        let terms = sets.into_iter().flat_map(|pairs| self.terms(pairs));
+        let ratio = Ratio::of(terms)?;
+        match self.notation {
+            Notation::Ratio => ratio.interval_of_share(),
+            Notation::Count => ratio.interval_of_count(),
+        }
+    }
+
+    /// What each pair adds to the score of these; empty if it has no interval.
+    pub(super) fn terms(&self, pairs: &[PairResult]) -> Vec<Term> {
         match self.spread {
-            Spread::Unknown => None,
-            Spread::Terms(term) => {
-                let ratio = ratio(term)?;
-                match self.notation {
-                    Notation::Ratio => ratio.interval_of_share(ratio.value),
-                    Notation::Count => ratio.interval_of_count(),
-                }
-            }
-            Spread::Nearly(term) => ratio(term)?.interval_of_share(value),
+            Spread::Unknown => Vec::new(),
+            Spread::Terms(term) => pairs.iter().map(term).collect(),
+            Spread::TermsOfAll(terms) => terms(pairs),
         }
     }
 }

@@ -8,7 +8,7 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use super::auc::{corner_auc_term, exact_auc_term, maa_term};
+use super::auc::{corner_auc_terms, exact_auc_terms, maa_term};
 use super::average_matches::{average_matches, is_right};
 use super::depth_scores;
 use super::pair_result::FOUND_PX;
@@ -87,7 +87,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 5°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 5.0)),
-        spread: Spread::Nearly(|pair| exact_auc_term(pair, 5.0)),
+        spread: Spread::TermsOfAll(|pairs| exact_auc_terms(pairs, 5.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -97,7 +97,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 10°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 10.0)),
-        spread: Spread::Nearly(|pair| exact_auc_term(pair, 10.0)),
+        spread: Spread::TermsOfAll(|pairs| exact_auc_terms(pairs, 10.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -107,7 +107,7 @@ pub const SCORES: &[ScoreKind] = &[
         heading: "Exact AUC 20°",
         definition: EXACT_AUC,
         value: |pairs| Some(exact_auc(pairs, 20.0)),
-        spread: Spread::Nearly(|pair| exact_auc_term(pair, 20.0)),
+        spread: Spread::TermsOfAll(|pairs| exact_auc_terms(pairs, 20.0)),
         notation: Notation::Ratio,
         detail: Detail::Complete,
     },
@@ -171,7 +171,7 @@ const fn corners<const PX: u32>(id: &'static str, heading: &'static str) -> Scor
         heading,
         definition: CORNER_AUC,
         value: |pairs| Some(corner_auc(pairs, f64::from(PX))),
-        spread: Spread::Nearly(|pair| corner_auc_term(pair, f64::from(PX))),
+        spread: Spread::TermsOfAll(|pairs| corner_auc_terms(pairs, f64::from(PX))),
         notation: Notation::Ratio,
         detail: Detail::Glance,
     }
@@ -252,7 +252,7 @@ impl Scores {
         let score = |kind: &ScoreKind| {
             let value = (kind.value)(pairs).filter(|value| value.is_finite());
             // Of what is not known nothing is certain.
-            let interval = value.and_then(|value| kind.interval(pairs, value));
+            let interval = value.and_then(|_| kind.interval([pairs]));
             Score { value, interval }
         };
         Self(SCORES.iter().map(score).collect())
@@ -521,11 +521,10 @@ mod tests {
                 assert!((value - expected(number)).abs() < 1e-12, "{}", kind.id);
                 let is_new = seen.iter().all(|other| (value - other).abs() > 1e-6);
                 assert!(is_new, "{}", kind.id);
-                // What pairs add has the same limit: half a pair at most lies between, two pairs between two limits.
-                if let Spread::Nearly(term) = kind.spread {
-                    let added: f64 = pairs.iter().map(|pair| term(pair).numerator).sum();
-                    assert!((added / 20.0 - value).abs() < 0.5 / 20.0, "{}", kind.id);
-                }
+                // What pairs add has the same limit.
+                let added: f64 = kind.terms(pairs).iter().map(|term| term.numerator).sum();
+                let agrees = (added / 20.0 - value).abs() < 1e-12;
+                assert!(agrees || !kind.has_interval(), "{}", kind.id);
                 seen.push(value);
                 limited += 1;
             }
@@ -538,14 +537,14 @@ mod tests {
     #[test]
     fn what_pairs_add_makes_the_score() {
         for kind in SCORES {
-            let Spread::Terms(term) = kind.spread else {
+            if !kind.has_interval() {
                 continue;
-            };
+            }
             let pairs = match kind.about {
                 Subject::Poses | Subject::Depth => pairs(),
                 Subject::Homographies => transfers(),
             };
-            let terms: Vec<Term> = pairs.iter().map(term).collect();
+            let terms = kind.terms(&pairs);
             let sum = |part: fn(&Term) -> f64| terms.iter().map(part).sum::<f64>();
             let ratio = sum(|term| term.numerator) / sum(|term| term.denominator);
             let value = (kind.value)(&pairs).expect("there are pairs");

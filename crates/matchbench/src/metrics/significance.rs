@@ -31,28 +31,23 @@ pub struct Difference {
 impl Difference {
     /// Of a score whose terms are differences on pairs.
     pub(super) fn new(terms: &[Term]) -> Self {
-        let ratio = Ratio::of(terms.iter().copied());
-        ratio.map_or_else(Self::default, |ratio| Self::of(ratio.value, ratio))
-    }
-
-    /// Of a score that is no mean over pairs, but nearly the `mean` of terms, whose standard error it has.
-    pub(super) fn of(value: f64, mean: Ratio) -> Self {
+        let Some(ratio) = Ratio::of(terms.iter().copied()) else {
+            return Self::default();
+        };
         // Scores are shares, so no difference is larger than 1.
-        let interval = mean.interval(value).map(|Interval { low, high }| Interval {
+        let interval = ratio.interval().map(|Interval { low, high }| Interval {
             low: low.max(-1.0),
             high: high.min(1.0),
         });
-        // The mean, which is what is tested, must have the sign of the score.
-        let agrees = value * mean.value > 0.0;
-        let is_significant = p_value(&mean).is_some_and(|p| p <= ALPHA);
+        let is_significant = p_value(&ratio).is_some_and(|p| p <= ALPHA);
         let mut difference = Self {
-            value: Some(value),
+            value: Some(ratio.value),
             interval,
-            images: mean.units,
+            images: ratio.units,
             is_certain: false,
             together: None,
         };
-        difference.is_certain = difference.leaves_out_zero() && agrees && is_significant;
+        difference.is_certain = difference.leaves_out_zero() && is_significant;
         difference
     }
 

@@ -89,28 +89,6 @@ impl Serialize for SuccessCurve {
     }
 }
 
-/// What a pair adds to the mean that is tested where methods are compared: the share of the paper's thresholds that
-/// its pose error is below, or how far its corner error is below 3 pixels, as a share of these. The mean of the
-/// former is the paper's AUC; that of the latter is [`corner_auc`] without the trapezoids, so it differs from that by at
-/// most 1 / (2 n) for n pairs.
-///
-/// [`corner_auc`]: super::corner_auc
-/// `None` for the angles of a homography.
-pub(super) fn gain(pair: &PairResult, angle: Angle) -> Option<f64> {
-    match (pair.model, angle) {
-        (Model::Pose, _) => Some(share_of_thresholds(pair.error(angle))),
-        (Model::Homography, Angle::Pose) => Some(gain_of_corners(pair, HEADLINE_PX)),
-        (Model::Homography, _) => None,
-    }
-}
-
-/// How far the corner error of a homography is below `limit` pixels, as a share of these; 0 if it is not, or if there is
-/// none.
-pub(super) fn gain_of_corners(pair: &PairResult, limit: f64) -> f64 {
-    let below = pair.corner_error().map_or(0.0, |error| 1.0 - error / limit);
-    below.max(0.0)
-}
-
 /// The share of the paper's thresholds that an error is below: what one pair adds to the AUC.
 pub(super) fn share_of_thresholds(error: Option<f64>) -> f64 {
     let passed = error.map_or(0, |e| THRESHOLDS.filter(|&k| e < k as f64).count());
