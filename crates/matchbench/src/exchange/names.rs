@@ -40,6 +40,14 @@ pub(super) enum PairName {
     Joined(String, char),
 }
 
+impl PairName {
+    /// That of a file `<a>_<b>.<ending>`.
+    pub(super) fn of_file(path: &Path) -> Self {
+        let stem = path.file_stem().unwrap_or_default();
+        Self::Joined(stem.to_string_lossy().into_owned(), '_')
+    }
+}
+
 impl fmt::Display for PairName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -94,14 +94,10 @@ fn recognises(probe: &Probe) -> bool {
 }
 
 fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
-    let pairs = (probe.files.iter())
-        .map(|path| {
-            let stem = path.file_stem().unwrap_or_default();
-            PairName::Joined(stem.to_string_lossy().into_owned(), '_')
-        })
-        .collect();
     Ok(Contents {
-        pairs,
+        pairs: (probe.files.iter())
+            .map(|path| PairName::of_file(path))
+            .collect(),
         source: Box::new(Npz { files: probe.files }),
     })
 }
