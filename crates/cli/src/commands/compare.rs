@@ -384,7 +384,7 @@ fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
          share an image are not independent);\nbetter and worse: of {after}, where the interval leaves out 0, which is decided for each comparison \
          alone; there is none with fewer than {};\ngained and lost: pairs below 5 degrees in {after} but not in {before}, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
-         3 px, the test is of the mean of 1 - error / 3 px (0 beyond 3 px), and pairs are below 3 px.\n",
+         3 px, and pairs are below 3 px.\n",
         units(MIN_IMAGES)
     );
     text
