@@ -89,7 +89,7 @@ The folder opens from disk without a network and can be mailed:
   index.html  AUC, SP curves, AP bars, times, AUC over baseline, angle and overlap, every pair in a
               list that sorts, and some of them as pictures
   pairs/      a page for each pair with pictures, all matchers on it
-  figures/    every figure as SVG, PNG and Vega-Lite specification
+  figures/    every figure as SVG, PNG, PDF and Vega-Lite specification
   tables/     scores.csv .json .md, auc.tex (the paper's Table 2), pairs.csv .parquet
   cite/       how a paper would say what was run, the BibTeX of all papers that took part, and the
               commands that compute all of it again

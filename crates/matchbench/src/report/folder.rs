@@ -238,8 +238,8 @@ mod tests {
                 "scores.md"
             ]
         );
-        // Four of each dataset and one of their portion, each as three files.
-        assert_eq!(names("figures").len(), 27);
+        // Four of each dataset and one of their portion, each as four files.
+        assert_eq!(names("figures").len(), 36);
         assert!(names("figures").contains(&"sp-rotation-a-b-2.svg".to_owned()));
     }
 

@@ -12,6 +12,7 @@ mod by_estimator;
 mod citations;
 mod command_line;
 mod content;
+mod converted;
 mod csv;
 mod dataset_facts;
 mod dataset_table;
@@ -45,7 +46,7 @@ mod parquet;
 mod picture;
 mod pictures;
 mod protocol_table;
-mod raster;
+
 mod score_words;
 mod svg;
 mod table;

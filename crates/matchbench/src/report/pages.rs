@@ -15,7 +15,7 @@ use crate::files::{
     Appender, link_on_the_way, read_text, refuse_links, remove_leftovers_below, write_whole_file,
 };
 
-use super::raster::png;
+use super::converted::{pdf, png};
 use super::target::check_target;
 
 /// The list of the files of a report, kept in its folder.
@@ -149,19 +149,25 @@ impl<'a> Pages<'a> {
         Appender::open(&self.folder.join(LIST), None)
     }
 
-    /// Writes the figure `name` as the drawing that it is, and as PNG. Where that cannot be made, a note is in its
-    /// place, and is returned.
-    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Option<String>> {
+    /// Writes the figure `name` as the drawing that it is, as PNG and as PDF. Where one of these cannot be made, a note
+    /// is in its place, and is returned.
+    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Vec<String>> {
         let file = |ending: &str| PathBuf::from(format!("{FIGURES}/{name}.{ending}"));
         self.write(&file("svg"), svg.as_bytes())?;
-        match png(svg, PNG_SCALE) {
-            Ok(bytes) => self.write(&file("png"), &bytes).map(|()| None),
-            Err(broken) => {
-                let note = format!("{name}.svg cannot be drawn as PNG: {broken}");
-                self.write(&file("png.txt"), format!("{note}\n").as_bytes())?;
-                Ok(Some(note))
+        let mut notes = Vec::new();
+        for (ending, drawn) in [("png", png(svg, PNG_SCALE)), ("pdf", pdf(svg))] {
+            match drawn {
+                Ok(bytes) => self.write(&file(ending), &bytes)?,
+                Err(broken) => {
+                    let form = ending.to_uppercase();
+                    let note = format!("{name}.svg cannot be drawn as {form}: {broken}");
+                    let place = file(&format!("{ending}.txt"));
+                    self.write(&place, format!("{note}\n").as_bytes())?;
+                    notes.push(note);
+                }
             }
         }
+        Ok(notes)
     }
 
     /// Removes the files of the earlier report that this one does not have, such as pages of pairs that are not

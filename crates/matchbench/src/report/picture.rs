@@ -2,8 +2,8 @@
 
 use std::io;
 
+use super::converted::png;
 use super::pair_view::PairView;
-use super::raster::png;
 use super::svg::{Target, pair};
 
 /// Most matches that are drawn; more would hide each other.

@@ -105,7 +105,7 @@ pub(super) fn document(
         let _ = writeln!(
             text,
             "\\begin{{figure}}[p]\n\\centering\n\\includegraphics[width=\\textwidth,height=0.85\\textheight,\
-             keepaspectratio]{{figures/{}.png}}\n\n\\smallskip\\noindent {}\n\\end{{figure}}",
+             keepaspectratio]{{figures/{}.pdf}}\n\n\\smallskip\\noindent {}\n\\end{{figure}}",
             figure.name,
             escape(&figure.caption)
         );

@@ -4,8 +4,8 @@
 //! | --- | --- |
 //! | `index.html` | a page with all of it |
 //! | `tables/table{1,2,3}.{tex,csv}` | sequences, AUC, times |
-//! | `figures/figure{1,2,3}.{svg,png}` | the sequences; SP curves and AP bars of the two portions |
-//! | `figures/figure{1,2,3}.png.txt` | why a PNG could not be drawn, in its place |
+//! | `figures/figure{1,2,3}.{svg,png,pdf}` | the sequences; SP curves and AP bars of the two portions |
+//! | `figures/figure{1,2,3}.{png,pdf}.txt` | why this could not be drawn, in its place |
 //! | `paper.tex` | a document of these, for LaTeX |
 //!
 //! The paper has its curves only as drawings, so figures show ours alone.
@@ -110,7 +110,7 @@ const NOTHING: &str = "/";
 const RANKS: [&str; 3] = ["red", "green", "blue"];
 
 /// All files that a paper can have.
-const FILES: [&str; 17] = [
+const FILES: [&str; 23] = [
     "index.html",
     "paper.tex",
     "tables/table1.tex",
@@ -122,12 +122,18 @@ const FILES: [&str; 17] = [
     "figures/figure1.svg",
     "figures/figure1.png",
     "figures/figure1.png.txt",
+    "figures/figure1.pdf",
+    "figures/figure1.pdf.txt",
     "figures/figure2.svg",
     "figures/figure2.png",
     "figures/figure2.png.txt",
+    "figures/figure2.pdf",
+    "figures/figure2.pdf.txt",
     "figures/figure3.svg",
     "figures/figure3.png",
     "figures/figure3.png.txt",
+    "figures/figure3.pdf",
+    "figures/figure3.pdf.txt",
 ];
 
 /// Refuses a folder in which [`write_paper`] would replace files that are not of an earlier paper.
@@ -152,7 +158,7 @@ pub fn write_paper(
     write_figures(folder, content, times, &figures::all(content))
 }
 
-/// The same with these figures. One that cannot be drawn as PNG is not in the document, which needs that.
+/// The same with these figures. One that cannot be drawn is not in the document.
 fn write_figures(
     folder: &Path,
     content: &Content,
@@ -172,11 +178,11 @@ fn write_figures(
         write(&file("tex"), latex::table(sheet).as_bytes())?;
         write(&file("csv"), csv(sheet).as_bytes())?;
     }
-    let notes: Vec<Option<String>> = (figures.par_iter())
+    let notes: Vec<Vec<String>> = (figures.par_iter())
         .map(|figure| out.write_drawing(figure.name, &figure.svg))
         .collect::<io::Result<_>>()?;
     let drawn: Vec<&PaperFigure> = (figures.iter().zip(&notes))
-        .filter_map(|(figure, note)| note.is_none().then_some(figure))
+        .filter_map(|(figure, notes)| notes.is_empty().then_some(figure))
         .collect();
     let lacking = tables::lacking(content);
     write(
@@ -369,18 +375,19 @@ mod tests {
         figures[0].svg = "no drawing".into();
         let written = write_figures(folder.path(), &scores(), &times(), &figures);
         let (page, notes) = written.expect("all the rest is there");
-        let [note] = &notes[..] else {
-            panic!("{notes:?}")
-        };
-        assert!(
-            note.starts_with("figure2.svg cannot be drawn as PNG"),
-            "{note}"
-        );
-        let read = |name: &str| std::fs::read_to_string(folder.path().join(name));
-        assert!(read("figures/figure2.png.txt").is_ok_and(|text| text.contains(note)));
-        assert!(page.is_file() && folder.path().join("figures/figure3.png").is_file());
+        assert_eq!(notes.len(), 2, "{notes:?}");
+        let at = |name: &str| folder.path().join(name);
+        let read = |name: &str| std::fs::read_to_string(at(name));
+        for (note, (ending, form)) in notes.iter().zip([("png", "PNG"), ("pdf", "PDF")]) {
+            let said = format!("figure2.svg cannot be drawn as {form}");
+            assert!(note.starts_with(&said), "{note}");
+            let place = format!("figures/figure2.{ending}.txt");
+            assert!(read(&place).is_ok_and(|text| text.contains(note)));
+            assert!(at(&format!("figures/figure3.{ending}")).is_file());
+        }
+        assert!(page.is_file());
         let document = read("paper.tex").expect("a document");
-        assert!(document.contains("figure3.png") && !document.contains("figure2.png"));
+        assert!(document.contains("figure3.pdf") && !document.contains("figure2.pdf"));
         assert!(check_paper_folder(folder.path()).is_ok());
     }
 

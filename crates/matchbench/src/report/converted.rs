@@ -1,16 +1,21 @@
-//! Figures as PNG, for slides and documents that cannot hold SVG.
+//! Drawings (SVG) in the forms of other programs: PNG for slides, PDF for LaTeX.
 //!
 //! Text is set in DejaVu Sans, which is part of the program. So pictures look the same on every machine, also
-//! on one without fonts. Only characters that this font lacks are taken from the fonts of the machine.
+//! on one without fonts. Only characters that this font lacks are taken from the fonts of the machine. A PDF holds
+//! the characters that it shows.
 
 use std::io;
 use std::sync::{Arc, OnceLock};
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
+use svg2pdf::{ConversionOptions, PageOptions};
 
 /// Name of the font that is part of the program.
 const TYPEFACE: &str = "DejaVu Sans";
+
+/// Dots per inch at which a unit of a drawing is a point of a page.
+const POINTS: f32 = 72.0;
 
 /// Most pixels of a file: a figure of hundreds of methods has no other bound.
 const MAX_PIXELS: f32 = 50e6;
@@ -20,11 +25,7 @@ const MAX_PIXELS: f32 = 50e6;
 /// # Errors
 /// If the drawing is not valid SVG, or too large for memory.
 pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
-    let options = Options {
-        fontdb: fonts(),
-        ..Options::default()
-    };
-    let tree = Tree::from_str(svg, &options).map_err(io::Error::other)?;
+    let tree = parse(svg)?;
     let size = tree.size().to_int_size();
     let (scale, [width, height]) = bounded([size.width(), size.height()], scale);
     let mut pixels = Pixmap::new(width, height)
@@ -32,6 +33,24 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
     let transform = Transform::from_scale(scale, scale);
     resvg::render(&tree, transform, &mut pixels.as_mut());
     pixels.encode_png().map_err(io::Error::other)
+}
+
+/// The drawing as a PDF file of one page, a point for one unit.
+///
+/// # Errors
+/// If the drawing is not valid SVG.
+pub(super) fn pdf(svg: &str) -> io::Result<Vec<u8>> {
+    let page = PageOptions { dpi: POINTS };
+    svg2pdf::to_pdf(&parse(svg)?, ConversionOptions::default(), page)
+        .map_err(|error| io::Error::other(error.to_string()))
+}
+
+fn parse(svg: &str) -> io::Result<Tree> {
+    let options = Options {
+        fontdb: fonts(),
+        ..Options::default()
+    };
+    Tree::from_str(svg, &options).map_err(io::Error::other)
 }
 
 /// The scale of a drawing with these sides, lowered if necessary, and its sides in pixels.
@@ -55,9 +74,10 @@ fn fonts() -> Arc<fontdb::Database> {
     let load = || {
         let mut fonts = fontdb::Database::new();
         fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.load_system_fonts();
+        // After the fonts of the machine, whose settings name others.
         fonts.set_sans_serif_family(TYPEFACE);
         fonts.set_serif_family(TYPEFACE);
-        fonts.load_system_fonts();
         Arc::new(fonts)
     };
     Arc::clone(FONTS.get_or_init(load))
@@ -80,6 +100,17 @@ mod tests {
     }
 
     #[test]
+    fn a_drawing_becomes_a_page_with_text() {
+        let svg = r#"<svg xmlns="http://www.w3.org/2000/svg" width="400" height="200"><text x="2" y="15" font-family="sans-serif" font-size="14">AUC</text></svg>"#;
+        let file = pdf(svg).expect("it is well-formed");
+        let holds = |part: &[u8]| file.windows(part.len()).any(|bytes| bytes == part);
+        assert!(file.starts_with(b"%PDF-") && holds(b"/MediaBox [0 0 400 200]"));
+        assert!(holds(b"DejaVuSans") && holds(b"/Subtype /Type0"));
+        assert_eq!(pdf(svg).expect("as before"), file);
+        assert!(pdf("no drawing").is_err());
+    }
+
+    #[test]
     fn large_drawings_have_a_lower_scale() {
         assert_eq!(bounded([400, 300], 2.0), (2.0, [800, 600]));
         for sides in [[10_000, 10_000], [1_000_000, 300], [300, 40_000_000]] {
@@ -90,6 +121,16 @@ mod tests {
                 "{pixels}"
             );
         }
+    }
+
+    #[test]
+    fn settings_of_the_machine_do_not_choose_the_typeface() {
+        let families = [fontdb::Family::SansSerif, fontdb::Family::Serif];
+        let fonts = fonts();
+        assert_eq!(
+            families.map(|family| fonts.family_name(&family).to_owned()),
+            [TYPEFACE; 2]
+        );
     }
 
     #[test]
