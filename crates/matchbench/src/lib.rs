@@ -70,6 +70,7 @@ pub mod front_door;
 pub mod matchers;
 pub mod memory;
 pub mod metrics;
+mod panics;
 pub mod paper;
 pub mod protocols;
 pub mod records;

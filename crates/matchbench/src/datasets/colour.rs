@@ -9,6 +9,7 @@ use image::DynamicImage;
 use matchbench_vision::image::{GrayImage, Size};
 
 use super::decode::{COLOUR_BYTES, JPEG_MAGIC, gray_of_other, jpeg_pixels, with_other};
+use super::decode_error::decoded;
 use super::{DatasetError, DecodeError};
 use crate::files::read_file;
 
@@ -26,10 +27,11 @@ pub fn read_planes(path: &Path) -> Result<Vec<GrayImage>, DatasetError> {
 /// # Errors
 /// If they are no complete image of a supported format.
 pub fn decode_planes(bytes: &[u8]) -> Result<Vec<GrayImage>, DecodeError> {
-    let planes = if bytes.starts_with(&JPEG_MAGIC) {
-        let (size, channels, data) = jpeg_pixels(bytes, true)?;
-        planes(size, channels, &data)
-    } else {
+    decoded(|| {
+        if bytes.starts_with(&JPEG_MAGIC) {
+            let (size, channels, data) = jpeg_pixels(bytes, true)?;
+            return Ok(planes(size, channels, &data));
+        }
         with_other(bytes, COLOUR_BYTES, |size, image, rule| {
             if image.color().has_color() {
                 // If no grey image can be made of it, no colour image can either.
@@ -43,9 +45,8 @@ pub fn decode_planes(bytes: &[u8]) -> Result<Vec<GrayImage>, DecodeError> {
             } else {
                 gray_of_other(size, image, rule).map(|gray| vec![gray])
             }
-        })?
-    };
-    Ok(planes)
+        })
+    })
 }
 
 /// Separates interleaved channels. If all are the same, only one is returned.

@@ -28,7 +28,7 @@ use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
 use super::DatasetError;
-use super::decode_error::{DecodeError, MAX_SIDE, check_size};
+use super::decode_error::{DecodeError, MAX_SIDE, check_size, decoded};
 use super::jpeg::{self, JpegError};
 use crate::files::{open_file, read_file};
 use crate::memory::reserve;
@@ -93,11 +93,14 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
     let head = reader
         .fill_buf()
         .map_err(|error| DatasetError::io(path, &error))?;
-    if head.starts_with(&JPEG_MAGIC) {
-        jpeg_header(reader).map(|decoder| jpeg_size(&decoder))
-    } else {
-        size_of_other(reader)
-    }
+    let is_jpeg = head.starts_with(&JPEG_MAGIC);
+    decoded(|| {
+        if is_jpeg {
+            jpeg_header(reader).map(|decoder| jpeg_size(&decoder))
+        } else {
+            size_of_other(reader)
+        }
+    })
     .map_err(|error| error.in_file(path))
 }
 
@@ -106,11 +109,13 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
 /// # Errors
 /// If they are no complete image of a supported format.
 pub fn decode_gray(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
-    if bytes.starts_with(&JPEG_MAGIC) {
-        decode_jpeg(bytes)
-    } else {
-        decode_other(bytes)
-    }
+    decoded(|| {
+        if bytes.starts_with(&JPEG_MAGIC) {
+            decode_jpeg(bytes)
+        } else {
+            with_other(bytes, 0, gray_of_other)
+        }
+    })
 }
 
 /// Converts pixels of red, green and blue to grey, in the same way as a colour PNG file is decoded.
@@ -208,10 +213,6 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
         E::Unsupported(scheme) => DecodeError::Unsupported(format!("{scheme:?}")),
         other => DecodeError::Damaged(other.to_string()),
     }
-}
-
-fn decode_other(bytes: &[u8]) -> Result<GrayImage, DecodeError> {
-    with_other(bytes, 0, gray_of_other)
 }
 
 /// Calls a function with the stored pixels of an image that is not a JPEG. The function needs this many more

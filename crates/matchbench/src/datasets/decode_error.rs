@@ -8,6 +8,7 @@ use matchbench_vision::image::Size;
 
 use super::DatasetError;
 use crate::memory::TooMuch;
+use crate::panics::caught;
 
 /// Most pixels that an image may have unless another limit is set, 2^27 (e.g. 11,585 x 11,585). A file that
 /// claims more has a damaged header or is an attack, and no memory is allocated for it.
@@ -27,6 +28,9 @@ pub enum DecodeError {
     /// The decoder found something that must not be there.
     #[error("the image is damaged: {0}")]
     Damaged(String),
+    /// The decoder panicked, which it should do for no file.
+    #[error("the decoder of the image panicked: {0}")]
+    Panicked(String),
     /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
     #[error("unsupported pixels: {0}")]
     Unsupported(String),
@@ -46,6 +50,9 @@ impl DecodeError {
         match self {
             Self::UnknownFormat => "convert it to png",
             Self::Truncated | Self::Damaged(_) => "copy or download the file again",
+            Self::Panicked(_) => {
+                "copy or download the file again; if it stays so, convert it to a png of 8-bit gray or colour"
+            }
             Self::Unsupported(_) => "convert it to a png of 8-bit gray or colour",
             Self::NoDepth(_) => "store depth as a 16-bit gray png, or in HDF5",
             Self::TooLarge(_) => {
@@ -58,6 +65,14 @@ impl DecodeError {
     pub(super) fn in_file(&self, path: &Path) -> DatasetError {
         DatasetError::new(path, self.to_string(), self.remedy())
     }
+}
+
+/// What `decode` makes of an image. All decoders of images are called through here: they are the code of others and are
+/// given files of anybody, so their panics are errors too.
+pub(super) fn decoded<T>(
+    decode: impl FnOnce() -> Result<T, DecodeError>,
+) -> Result<T, DecodeError> {
+    caught(decode).unwrap_or_else(|message| Err(DecodeError::Panicked(message)))
 }
 
 /// The limit that was set; 0 if none was.
@@ -85,4 +100,34 @@ pub fn check_size(size: Size) -> Result<Size, DecodeError> {
         return Err(DecodeError::TooLarge(size));
     }
     Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::super::{decode_depth, decode_gray, decode_planes, read_gray};
+    use super::*;
+
+    #[test]
+    fn a_panic_of_a_decoder_is_an_error_that_names_the_file() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/images/hostile.tif");
+        let error = read_gray(&path).unwrap_err();
+        assert_eq!(error.file, path);
+        assert!(
+            error
+                .what
+                .starts_with("the decoder of the image panicked: index out of bounds")
+        );
+        assert!(
+            error.remedy.contains("convert it to a png"),
+            "{}",
+            error.remedy
+        );
+        let bytes = fs::read(&path).unwrap();
+        let panicked = |error| matches!(error, DecodeError::Panicked(_));
+        assert!(decode_gray(&bytes).is_err_and(panicked));
+        assert!(decode_planes(&bytes).is_err_and(panicked));
+        assert!(decode_depth(&bytes).is_err_and(panicked));
+    }
 }

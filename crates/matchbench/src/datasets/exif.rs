@@ -6,16 +6,21 @@ use image::{ImageDecoder, ImageReader};
 use zune_core::bytestream::ZCursor;
 
 use super::decode::{JPEG_MAGIC, jpeg_header, limits};
+use super::decode_error::decoded;
 
 /// The orientation of the image in `bytes`, as EXIF numbers it: 1 if pixels are stored upright or the file does
 /// not say.
 pub(super) fn orientation_of(bytes: &[u8]) -> u16 {
-    let found = if bytes.starts_with(&JPEG_MAGIC) {
-        (jpeg_header(ZCursor::new(bytes)).ok()).and_then(|decoder| orientation(decoder.exif()?))
-    } else {
-        orientation_of_other(bytes)
-    };
-    found.unwrap_or(1)
+    let found = decoded(|| {
+        Ok(if bytes.starts_with(&JPEG_MAGIC) {
+            jpeg_header(ZCursor::new(bytes))?
+                .exif()
+                .and_then(|exif| orientation(exif))
+        } else {
+            orientation_of_other(bytes)
+        })
+    });
+    found.ok().flatten().unwrap_or(1)
 }
 
 /// The same for what is not a JPEG.

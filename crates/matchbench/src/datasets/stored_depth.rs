@@ -7,7 +7,7 @@ use image::{DynamicImage, ImageFormat};
 use matchbench_vision::image::{Image, Size};
 
 use super::decode::with_other;
-use super::decode_error::{DecodeError, check_size};
+use super::decode_error::{DecodeError, check_size, decoded};
 use super::{DatasetError, Turn};
 use crate::arrays::Hdf5;
 use crate::memory::reserve;
@@ -97,10 +97,12 @@ impl StoredDepth {
 /// # Errors
 /// If they are not a complete image of one 16-bit value per pixel.
 pub fn decode_depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
-    check_largest(bytes)?;
-    with_other(bytes, 0, |size, image, _| match image {
-        DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
-        other => Err(DecodeError::NoDepth(format!("{:?}", other.color()))),
+    decoded(|| {
+        check_largest(bytes)?;
+        with_other(bytes, 0, |size, image, _| match image {
+            DynamicImage::ImageLuma16(depth) => Ok(Image::from_vec(size, depth.into_raw())),
+            other => Err(DecodeError::NoDepth(format!("{:?}", other.color()))),
+        })
     })
 }
 

@@ -1,11 +1,10 @@
 //! Runs the work of matchers and estimators, takes its time, and turns a panic or an error into a reason
 //! why there is no result.
 
-use std::any::Any;
 use std::fmt::Display;
-use std::panic::{self, AssertUnwindSafe};
 use std::time::Instant;
 
+use crate::panics::caught;
 use crate::records::Outcome;
 
 /// Most letters of a reason that are recorded: what breaks may say anything, and longer lines of records are refused.
@@ -61,9 +60,9 @@ pub(super) fn guard<T, E: Display>(
     what: impl Display,
     work: impl FnOnce() -> Result<T, E>,
 ) -> Result<T, String> {
-    match panic::catch_unwind(AssertUnwindSafe(work)) {
+    match caught(work) {
         Ok(result) => result.map_err(|error| format!("{what} failed: {error}")),
-        Err(payload) => Err(format!("{what} panicked: {}", message(&*payload))),
+        Err(message) => Err(format!("{what} panicked: {message}")),
     }
 }
 
@@ -73,12 +72,6 @@ pub(super) fn timed<T>(seconds: &mut Option<f64>, work: impl FnOnce() -> T) -> T
     let result = work();
     *seconds = Some(start.elapsed().as_secs_f64());
     result
-}
-
-fn message(payload: &(dyn Any + Send)) -> &str {
-    (payload.downcast_ref::<String>().map(String::as_str))
-        .or_else(|| payload.downcast_ref::<&str>().copied())
-        .unwrap_or("no message")
 }
 
 #[cfg(test)]
@@ -109,7 +102,5 @@ mod tests {
             reason.starts_with("search panicked: index out of bounds"),
             "{reason}"
         );
-        let silent = guard("search", || -> Result<(), String> { panic::panic_any(7) });
-        assert_eq!(silent, Err("search panicked: no message".into()));
     }
 }
