@@ -30,6 +30,7 @@ use zune_jpeg::JpegDecoder;
 use super::DatasetError;
 use super::decode_error::{DecodeError, MAX_SIDE, check_size, decoded};
 use super::jpeg::{self, JpegError};
+use super::tiff;
 use crate::files::{open_file, read_file};
 use crate::memory::reserve;
 
@@ -233,6 +234,10 @@ pub(super) fn with_other<T>(
         Some(ImageFormat::Png) => LIBPNG,
         Some(ImageFormat::WebP) if webp_ends_early(bytes) => return Err(DecodeError::Truncated),
         Some(ImageFormat::WebP) => CVT_COLOR,
+        Some(ImageFormat::Tiff) => {
+            tiff::check_order_of_bits(bytes)?;
+            IMGCODECS
+        }
         _ => IMGCODECS,
     };
     let stored = reader.into_decoder().map_err(|error| other_error(&error))?;

@@ -33,6 +33,7 @@ mod stored_depth;
 #[cfg(test)]
 pub(crate) mod testing;
 mod text;
+mod tiff;
 mod trajectory;
 mod truth;
 mod turn;

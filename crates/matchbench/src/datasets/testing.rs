@@ -63,3 +63,22 @@ pub(crate) fn dataset() -> (TempDir, PathBuf) {
     write_native(&dir, &sequence(4), &about, images).unwrap();
     (folder, dir)
 }
+
+/// A TIFF file of one strip, with these tags and their values besides those of the strip.
+pub(super) fn tiff(tags: &[(u16, u32)], strip: &[u8]) -> Vec<u8> {
+    const LONG: u16 = 4;
+    let mut tags = tags.to_vec();
+    // Behind the head of the file, the directory and the end of directories.
+    let at = 8 + 2 + 12 * (tags.len() + 2) + 4;
+    tags.extend([(273, at as u32), (279, strip.len() as u32)]);
+    tags.sort_unstable();
+    let mut file = b"II*\0\x08\0\0\0".to_vec();
+    file.extend((tags.len() as u16).to_le_bytes());
+    for (tag, value) in tags {
+        file.extend([tag, LONG].map(u16::to_le_bytes).as_flattened());
+        file.extend([1, value].map(u32::to_le_bytes).as_flattened());
+    }
+    file.extend([0; 4]);
+    file.extend(strip);
+    file
+}
