@@ -27,10 +27,9 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::DatasetError;
 use super::decode_error::{DecodeError, MAX_SIDE, check_size, decoded};
 use super::jpeg::{self, JpegError};
-use super::tiff;
+use super::{DatasetError, pnm, tiff};
 use crate::files::{open_file, read_file};
 use crate::memory::reserve;
 
@@ -234,6 +233,10 @@ pub(super) fn with_other<T>(
         Some(ImageFormat::Png) => LIBPNG,
         Some(ImageFormat::WebP) if webp_ends_early(bytes) => return Err(DecodeError::Truncated),
         Some(ImageFormat::WebP) => CVT_COLOR,
+        Some(ImageFormat::Pnm) => {
+            pnm::check_samples(bytes)?;
+            IMGCODECS
+        }
         Some(ImageFormat::Tiff) => {
             tiff::check_order_of_bits(bytes)?;
             IMGCODECS

@@ -28,6 +28,14 @@ pub enum DecodeError {
     /// The decoder found something that must not be there.
     #[error("the image is damaged: {0}")]
     Damaged(String),
+    /// A sample is above the largest value that the header states.
+    #[error("the image has a sample of {value}, and {most} is the largest by its header")]
+    AboveLargest {
+        /// The sample.
+        value: u32,
+        /// The largest value by the header.
+        most: u32,
+    },
     /// The decoder panicked, which it should do for no file.
     #[error("the decoder of the image panicked: {0}")]
     Panicked(String),
@@ -50,6 +58,9 @@ impl DecodeError {
         match self {
             Self::UnknownFormat => "convert it to png",
             Self::Truncated | Self::Damaged(_) => "copy or download the file again",
+            Self::AboveLargest { .. } => {
+                "write the largest value that it has into the header, or copy or download the file again"
+            }
             Self::Panicked(_) => {
                 "copy or download the file again; if it stays so, convert it to a png of 8-bit gray or colour"
             }

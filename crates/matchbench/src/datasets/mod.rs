@@ -26,6 +26,7 @@ mod pair_list;
 mod pair_poses;
 mod pairs;
 mod parts;
+mod pnm;
 mod problem;
 pub mod rendered;
 mod sequence;
