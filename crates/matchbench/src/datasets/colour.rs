@@ -75,6 +75,7 @@ mod tests {
         for name in [
             "color.png",
             "color.jpg",
+            "adobe-rgb.jpg",
             "color.bmp",
             "color.ppm",
             "color.tif",

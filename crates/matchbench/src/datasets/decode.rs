@@ -41,6 +41,8 @@ const BESIDE_PIXELS: u64 = 64 << 20;
 const JPEG_BYTES: usize = 9;
 /// Bytes per pixel for red, green and blue, both interleaved and as planes.
 pub(super) const COLOUR_BYTES: usize = 6;
+/// What the JPEG decoder says of a channel with three blocks across in a unit.
+const THREE_ACROSS: &str = "Horizontal sample is not a power of two(3) cannot decode";
 pub(super) const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
 
 /// A fixed-point mean of red, green and blue: `(w . rgb + half) >> bits`.
@@ -143,9 +145,7 @@ pub(super) fn jpeg_pixels(
 ) -> Result<(Size, usize, Vec<u8>), DecodeError> {
     let decoder = jpeg_header(ZCursor::new(bytes))?;
     let size = check_size(jpeg_size(&decoder))?;
-    let stored = decoder
-        .input_colorspace()
-        .expect("the headers were decoded");
+    let stored = stored_channels(&decoder);
     if !matches!(
         stored,
         ColorSpace::RGB | ColorSpace::Luma | ColorSpace::YCbCr
@@ -181,6 +181,17 @@ pub(super) fn jpeg_pixels(
     Ok((size, channels, data))
 }
 
+/// What the channels of a JPEG are.
+fn stored_channels<R: ZByteReaderTrait>(decoder: &JpegDecoder<R>) -> ColorSpace {
+    let stored = decoder.input_colorspace();
+    let channels = decoder.info().map(|info| info.components);
+    match stored.expect("the headers were decoded") {
+        // Adobe's marker has one number for both, and the decoder tells them apart when it comes to the pixels.
+        ColorSpace::CMYK if channels == Some(3) => ColorSpace::RGB,
+        stored => stored,
+    }
+}
+
 fn jpeg_options() -> DecoderOptions {
     DecoderOptions::default()
         .set_strict_mode(true)
@@ -211,6 +222,9 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
             DecodeError::Truncated
         }
         E::Unsupported(scheme) => DecodeError::Unsupported(format!("{scheme:?}")),
+        E::Format(what) if what == THREE_ACROSS => DecodeError::Unsupported(
+            "a JPEG with a sampling factor of 3 (4:4:4, 4:2:2, 4:2:0 and 4:1:1 are read)".into(),
+        ),
         other => DecodeError::Damaged(other.to_string()),
     }
 }

@@ -63,6 +63,7 @@ fn gray_is_that_of_opencv() {
         "turned.jpg",
         "tall.jpg",
         "tall-progressive.jpg",
+        "adobe-rgb.jpg",
     ] {
         assert!(largest_difference_from_opencv(name) <= 1, "{name}");
     }
@@ -134,6 +135,20 @@ const JPEGS: [&str; 5] = [
     "restarts.jpg",
     "progressive-restarts.jpg",
 ];
+
+#[test]
+fn a_jpeg_with_a_sampling_factor_of_three_is_not_called_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("0001.jpg");
+    fs::write(&path, fixture("thirds.jpg")).unwrap();
+    for error in [read_gray(&path).unwrap_err(), read_size(&path).unwrap_err()] {
+        assert_eq!(
+            error.what,
+            "unsupported pixels: a JPEG with a sampling factor of 3 (4:4:4, 4:2:2, 4:2:0 and 4:1:1 are read)"
+        );
+        assert_eq!(error.remedy, "convert it to a png of 8-bit gray or colour");
+    }
+}
 
 #[test]
 fn a_jpeg_cut_anywhere_is_refused_also_with_an_end_marker_put_on() {
