@@ -343,6 +343,8 @@ mod tests {
             assert!(!first.2.is_empty(), "{} matches nothing", entry.id());
             let again = with_threads(2, || run(&*built.matcher, &a, &b));
             assert!(first == again, "{} is not deterministic", entry.id());
+            let kind = first.0.descriptors.kind();
+            assert_eq!(built.matcher.descriptors(), Some(kind), "{}", entry.id());
         }
     }
 

@@ -58,7 +58,7 @@ impl FrameStage<'_> {
                 let hash = blake3::hash(&file);
                 lock(self.images).check(index, &frame.image, hash)?;
                 let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
-                let described = match self.cache.load(key) {
+                let described = match self.known(key) {
                     Some(features) => self.pixels(frame, &file).map(|pixels| (features, pixels)),
                     None => self.compute(frame, &file, key, &mut seconds)?,
                 };
@@ -76,6 +76,14 @@ impl FrameStage<'_> {
             seconds,
             hash: noted,
         })
+    }
+
+    /// The features that are in the cache, unless they have other descriptors than the matcher makes: then they are as
+    /// good as damaged, whatever their checksum says.
+    fn known(&self, key: Key) -> Option<Features> {
+        let made = self.matcher.matcher.descriptors();
+        let features = self.cache.load(key)?;
+        (made.is_none_or(|made| made == features.descriptors.kind())).then_some(features)
     }
 
     /// The pixels of a frame whose features are known, if they are still needed.

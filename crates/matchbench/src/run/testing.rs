@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use matchbench_vision::features::{Descriptors, Features, FloatRows, Keypoint};
+use matchbench_vision::features::{DescriptorKind, Descriptors, Features, FloatRows, Keypoint};
 use matchbench_vision::geometry::{Camera, RelativePose};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::matching::{Correspondence, Correspondences, Matcher, MatcherError, View};
@@ -206,6 +206,10 @@ impl Matcher for Toy {
             keypoints,
             Descriptors::Float(rows),
         ))
+    }
+
+    fn descriptors(&self) -> Option<DescriptorKind> {
+        Some(DescriptorKind::Float { dim: 1 })
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {

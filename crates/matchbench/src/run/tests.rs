@@ -1,6 +1,7 @@
 //! What a run promises, tried on a toy.
 
 mod again;
+mod cache;
 mod faults;
 mod growth;
 mod homographies;

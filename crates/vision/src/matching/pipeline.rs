@@ -4,7 +4,7 @@ use super::{
     Correspondence, Correspondences, Matcher, MatcherError, NearestNeighbours, RatioTest, Search,
     Selector, View,
 };
-use crate::features::{Detections, Extractor, Features};
+use crate::features::{DescriptorKind, Detections, Extractor, Features};
 use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
@@ -52,6 +52,10 @@ impl Matcher for Pipeline {
         detections: &mut dyn Detections,
     ) -> Result<Features, MatcherError> {
         Ok(self.extractor.extract_sharing(image, detections))
+    }
+
+    fn descriptors(&self) -> Option<DescriptorKind> {
+        Some(self.extractor.kind())
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
@@ -106,7 +110,7 @@ impl Matcher for Pipeline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{DescriptorKind, Descriptors, Orb, OrbParams};
+    use crate::features::{Descriptors, Orb, OrbParams};
     use crate::matching::{Kvld, KvldParams, MutualCheck};
 
     fn of_orb(selector: Box<dyn Selector>) -> Pipeline {

@@ -12,7 +12,7 @@
 //! A point at `x` lies at `(x + 1/2) s - 1/2` of the original, where `s` is the ratio of the sizes.
 
 use super::{Correspondence, Correspondences, Matcher, MatcherError, View};
-use crate::features::{Detections, Features};
+use crate::features::{DescriptorKind, Detections, Features};
 use crate::geometry::MatchedPoints;
 use crate::image::{GrayImage, Size, resize, shrink_u8};
 use crate::params::ParamError;
@@ -106,6 +106,10 @@ impl Matcher for Resized {
         let small = self.resized(image);
         let features = self.matcher.extract_sharing(&small, detections)?;
         Ok(features.in_pixels_of(small.size(), image.size()))
+    }
+
+    fn descriptors(&self) -> Option<DescriptorKind> {
+        self.matcher.descriptors()
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {

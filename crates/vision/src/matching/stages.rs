@@ -1,7 +1,7 @@
 //! What a matcher is: three stages (extract, search, select), each of which the caller can time.
 
 use super::{Correspondence, Correspondences, MatcherError};
-use crate::features::{Detections, Features};
+use crate::features::{DescriptorKind, Detections, Features};
 use crate::geometry::{Camera, MatchedPoints};
 use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
@@ -39,6 +39,12 @@ pub trait Matcher: Send + Sync {
         _detections: &mut dyn Detections,
     ) -> Result<Features, MatcherError> {
         self.extract(image)
+    }
+
+    /// Type and length of the descriptors of all its features, `None` if they are not known. Features that were kept and
+    /// have others are not taken for its own.
+    fn descriptors(&self) -> Option<DescriptorKind> {
+        None
     }
 
     /// Putative correspondences. Called once per pair. Those that [`select`](Self::select) drops by its ratio may have

@@ -41,7 +41,7 @@ use nalgebra::Matrix2;
 
 use self::alignment::{Weights, aligned};
 use super::{Correspondence, Correspondences, Matcher, MatcherError, View};
-use crate::features::{Detections, Features};
+use crate::features::{DescriptorKind, Detections, Features};
 use crate::geometry::MatchedPoints;
 use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
@@ -69,6 +69,10 @@ impl Matcher for Refined {
         detections: &mut dyn Detections,
     ) -> Result<Features, MatcherError> {
         self.matcher.extract_sharing(image, detections)
+    }
+
+    fn descriptors(&self) -> Option<DescriptorKind> {
+        self.matcher.descriptors()
     }
 
     fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
