@@ -16,6 +16,8 @@ pub(crate) struct State {
     pub(crate) part: (String, String),
     /// Matchers from outside that gave up, and why.
     pub(crate) ended: Vec<String>,
+    /// Why the cache of features cannot be written, if so.
+    pub(crate) unkept: Option<String>,
 }
 
 /// Keeps the last [`State`]. The run never waits for a reader, since Python's display is slow.
@@ -42,6 +44,10 @@ impl Observer for Progress {
 
     fn on_matcher(&self, dataset: &str, matcher: &str) {
         self.change(|state| state.part = (dataset.into(), matcher.into()));
+    }
+
+    fn on_unkept(&self, reason: &str) {
+        self.change(|state| state.unkept = Some(reason.into()));
     }
 
     fn on_ended(&self, matcher: &str, reason: &str) {

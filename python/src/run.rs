@@ -25,7 +25,7 @@ use crate::datasets::Dataset;
 use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::integers::whole;
-use crate::progress::Progress;
+use crate::progress::{Progress, State};
 use crate::study::{AnyEstimator, AnyMatcher, add_estimators, add_matchers, prepare};
 
 /// How often the thread of the caller checks for Ctrl-C.
@@ -88,7 +88,10 @@ pub(crate) fn run(
     let observer = Progress::default();
     let run = prepared.run();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
-    warnings.extend(observer.state().ended);
+    let State { ended, unkept, .. } = observer.state();
+    warnings.extend(ended);
+    let files = counted(summary.unkept, "file");
+    warnings.extend(unkept.map(|reason| format!("{reason}; not kept in the cache: {files}")));
     if summary.failed > 0 {
         warnings.extend(reasons(&out, &summary));
     }

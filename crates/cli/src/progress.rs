@@ -112,6 +112,11 @@ impl Observer for Progress {
         self.write_line();
     }
 
+    fn on_unkept(&self, reason: &str) {
+        self.bar
+            .suspend(|| say!("warning: {reason}; the run goes on without that file"));
+    }
+
     fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
         self.bar.suspend(|| {
             let pairs = counted(pairs, "pair");

@@ -140,6 +140,10 @@ pub(super) fn tell_reasons(folder: &Path) {
 
 /// Prints how a run ended, which the user may have stopped.
 pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Ending {
+    if summary.unkept > 0 {
+        let files = counted(summary.unkept, "file");
+        say!("not kept in the cache of features: {files}");
+    }
     if summary.ended > 0 && !cancel.is_set() {
         let done = summary.before + summary.now;
         say!(

@@ -19,6 +19,17 @@ use crate::files::{
 use crate::front_door::CACHE;
 use crate::matchers::Extraction;
 
+/// Why something is not in the cache.
+#[derive(Debug, thiserror::Error)]
+pub enum SaveError {
+    /// A link is on the way to the file, and nothing is written through it; the error names it.
+    #[error("{0}")]
+    Link(io::Error),
+    /// The file cannot be written: the disk is full, the folder belongs to somebody else ...; the error names it.
+    #[error("{0}")]
+    Unwritable(io::Error),
+}
+
 /// A folder of features. Any number of runs may use one folder at the same time. It can be deleted when no run
 /// is active.
 #[derive(Clone, Debug)]
@@ -57,8 +68,8 @@ impl FeatureCache {
     /// Saves features under `key`.
     ///
     /// # Errors
-    /// If the file cannot be written; the error names it.
-    pub fn save(&self, key: Key, features: &Features) -> io::Result<()> {
+    /// If the file cannot be written.
+    pub fn save(&self, key: Key, features: &Features) -> Result<(), SaveError> {
         self.write(&Self::name(key), &feature_file::to_bytes(features, key))
     }
 
@@ -72,21 +83,26 @@ impl FeatureCache {
     /// Saves keypoints that took `seconds` to find.
     ///
     /// # Errors
-    /// If the file cannot be written; the error names it.
-    pub fn save_keypoints(&self, key: Key, keypoints: &[Keypoint], seconds: f64) -> io::Result<()> {
+    /// If the file cannot be written.
+    pub fn save_keypoints(
+        &self,
+        key: Key,
+        keypoints: &[Keypoint],
+        seconds: f64,
+    ) -> Result<(), SaveError> {
         let name = Self::name(key).with_extension("keypoints");
         self.write(&name, &keypoint_file::to_bytes(keypoints, seconds, key))
     }
 
     /// Writes a file. A cache can be another person's, so a file that a link in it leads to must not be overwritten.
-    fn write(&self, name: &Path, contents: &[u8]) -> io::Result<()> {
-        refuse_links(&self.folder, name)?;
+    fn write(&self, name: &Path, contents: &[u8]) -> Result<(), SaveError> {
+        refuse_links(&self.folder, name).map_err(SaveError::Link)?;
         write_whole_file(&self.folder.join(name), contents).map_err(|error| {
             let remedy = format!(
                 "this is the cache of features; it may lie elsewhere ({}), and may be deleted",
                 CACHE.with("DIR")
             );
-            io::Error::new(error.kind(), format!("{error}; {remedy}"))
+            SaveError::Unwritable(io::Error::new(error.kind(), format!("{error}; {remedy}")))
         })
     }
 

@@ -20,7 +20,7 @@ mod write;
 
 pub(crate) use append::Appender;
 #[cfg(test)]
-pub(crate) use calls::{Fault, break_calls};
+pub(crate) use calls::{Call, Fault, break_calls};
 pub(crate) use leftovers::{HELD, PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};

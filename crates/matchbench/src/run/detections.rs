@@ -3,12 +3,11 @@
 //! Each matcher is charged as if it were alone: the seconds of the detection are kept with the keypoints,
 //! and added to the time of each matcher that uses them. The time spent with files is subtracted.
 
-use std::io;
 use std::time::Instant;
 
 use matchbench_vision::features::{Detections, Keypoint};
 
-use crate::cache::{FeatureCache, Key};
+use crate::cache::{FeatureCache, Key, SaveError};
 
 /// The keypoints of one image, kept in the cache under a `key`; without one they are not shared.
 pub(super) struct KeptDetections<'a> {
@@ -17,7 +16,7 @@ pub(super) struct KeptDetections<'a> {
     begin: Instant,
     /// Seconds to be added to what the clock of the extraction says.
     elsewhere: f64,
-    saved: io::Result<()>,
+    saved: Result<(), SaveError>,
 }
 
 impl<'a> KeptDetections<'a> {
@@ -33,12 +32,9 @@ impl<'a> KeptDetections<'a> {
     }
 
     /// The seconds to be added to what the clock of the extraction says: those of the detection, if
-    /// it was done before, without those spent with files.
-    ///
-    /// # Errors
-    /// If the cache could not be written.
-    pub(super) fn finish(self) -> io::Result<f64> {
-        self.saved.map(|()| self.elsewhere)
+    /// it was done before, without those spent with files. And whether the cache could be written.
+    pub(super) fn finish(self) -> (f64, Result<(), SaveError>) {
+        (self.elsewhere, self.saved)
     }
 }
 
@@ -175,6 +171,28 @@ mod tests {
     }
 
     #[test]
+    fn features_and_keypoints_that_cannot_be_kept_are_there_nevertheless() {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = dataset(folder.path(), "street", 1).sequence.frames;
+        let images = ImageNotes::open(folder.path(), "street").unwrap().into();
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        let stage = FrameStage {
+            matcher: &matcher(1.0, Some(20), &Arc::default()),
+            cache: &FeatureCache::new(&file),
+            decode,
+            images: &images,
+        };
+        let extracted = stage.extract(0, &frames[0]).unwrap();
+        assert_eq!(extracted.features.unwrap().len(), 8);
+        let [keypoints, features] = &extracted.unkept[..] else {
+            panic!("{:?}", extracted.unkept);
+        };
+        assert!(keypoints.contains(".keypoints: "), "{keypoints}");
+        assert!(features.contains(".features: "), "{features}");
+    }
+
+    #[test]
     fn damaged_keypoints_are_found_again() {
         let folder = tempfile::tempdir().unwrap();
         let cache = FeatureCache::new(folder.path());
@@ -183,7 +201,7 @@ mod tests {
         assert_eq!(detections.recall(), None);
         detections.remember(&[]);
         assert_eq!(detections.recall(), Some(vec![]));
-        detections.finish().unwrap();
+        detections.finish().1.unwrap();
         let file = fs::read_dir(folder.path().join("03")).unwrap().next();
         fs::write(file.unwrap().unwrap().path(), b"torn").unwrap();
         let mut detections = KeptDetections::new(&cache, Some(key));

@@ -9,7 +9,7 @@ use matchbench_vision::image::{GrayImage, Size};
 use super::RunError;
 use super::detections::KeptDetections;
 use super::guard::{Broken, guard, timed};
-use crate::cache::{FeatureCache, Key};
+use crate::cache::{FeatureCache, Key, SaveError};
 use crate::datasets::Frame;
 use crate::files::read_file;
 use crate::front_door::{SETTINGS, THREADS};
@@ -40,6 +40,9 @@ pub(super) struct Extracted {
     /// How long the extraction took, if it was done: also the part of it, the detection, that an
     /// earlier matcher did.
     pub(super) seconds: Option<f64>,
+    /// Why files of the cache could not be written, where some were: what is in them is extracted again when it is needed
+    /// again.
+    pub(super) unkept: Vec<String>,
     /// The content of the image, where there are features: it is to be noted.
     pub(super) hash: Option<blake3::Hash>,
 }
@@ -48,10 +51,10 @@ impl FrameStage<'_> {
     /// The features of `frame`, which has this `index`.
     ///
     /// # Errors
-    /// If the cache cannot be written, or the image is another than the run has worked with. An image
-    /// that cannot be read is not an error.
+    /// If a link is in the cache, or the image is another than the run has worked with. An image that cannot be read is not
+    /// an error, and a cache that cannot be written neither.
     pub(super) fn extract(&self, index: u32, frame: &Frame) -> Result<Extracted, RunError> {
-        let (mut seconds, mut noted) = (None, None);
+        let (mut seconds, mut noted, mut unkept) = (None, None, Vec::new());
         let described = match read(&frame.image) {
             Err(reason) => Err(reason),
             Ok(file) => {
@@ -60,7 +63,7 @@ impl FrameStage<'_> {
                 let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
                 let described = match self.known(key) {
                     Some(features) => self.pixels(frame, &file).map(|pixels| (features, pixels)),
-                    None => self.compute(frame, &file, key, &mut seconds)?,
+                    None => self.compute(frame, &file, key, &mut seconds, &mut unkept)?,
                 };
                 noted = described.is_ok().then_some(hash);
                 described
@@ -74,6 +77,7 @@ impl FrameStage<'_> {
             features,
             pixels,
             seconds,
+            unkept,
             hash: noted,
         })
     }
@@ -100,6 +104,7 @@ impl FrameStage<'_> {
         file: &[u8],
         key: Key,
         seconds: &mut Option<f64>,
+        unkept: &mut Vec<String>,
     ) -> Result<Result<(Features, Option<GrayImage>), Broken>, RunError> {
         let image = match decode(self.decode, frame, file) {
             Ok(image) => image,
@@ -117,10 +122,11 @@ impl FrameStage<'_> {
             let matcher = &self.matcher.matcher;
             guard(what, || matcher.extract_sharing(&image, &mut detections))
         });
-        let elsewhere = detections.finish()?;
+        let (elsewhere, saved) = detections.finish();
+        go_without(saved, unkept)?;
         *seconds = seconds.map(|seconds| seconds + elsewhere);
         if let Ok(features) = &features {
-            self.cache.save(key, features)?;
+            go_without(self.cache.save(key, features), unkept)?;
         }
         let pixels = self.matcher.matcher.uses_pixels().then_some(image);
         Ok(features
@@ -143,6 +149,16 @@ impl FrameStage<'_> {
             ))
         })
     }
+}
+
+/// Notes what the cache could not keep. Only that somebody has put a link into it is an error.
+fn go_without(saved: Result<(), SaveError>, unkept: &mut Vec<String>) -> Result<(), RunError> {
+    match saved {
+        Err(SaveError::Link(error)) => return Err(error.into()),
+        Err(SaveError::Unwritable(error)) => unkept.push(error.to_string()),
+        Ok(()) => {}
+    }
+    Ok(())
 }
 
 /// How large the image of a frame is.

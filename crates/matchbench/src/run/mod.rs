@@ -62,6 +62,7 @@ use std::io;
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::AtomicUsize;
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
@@ -221,7 +222,7 @@ impl Run<'_> {
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
     /// fails is not an error: it is recorded and counted, and tried again at the next start where its
     /// record says that it may do better then. A source that ends is no error either: the run of the
-    /// others goes on. It is an error if an image has changed since its records were made, or if that cannot be told.
+    /// others goes on; nor is a cache of features that cannot be written. It is an error if an image has changed since its records were made, or if that cannot be told.
     pub fn execute(
         &self,
         observer: &dyn Observer,
@@ -349,6 +350,7 @@ impl Run<'_> {
         summary: &mut RunSummary,
     ) -> Result<(), RunError> {
         let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
+        let unkept = AtomicUsize::new(summary.unkept);
         let mut told = |record: &RunRecord| {
             summary.add(record);
             observer.on_record(record);
@@ -367,6 +369,7 @@ impl Run<'_> {
             stored: progress.own_matches(folder.folder())?,
             observer,
             cancel,
+            unkept,
         };
 
         let mut retried = Retried {
@@ -418,6 +421,7 @@ impl Run<'_> {
         kept.sync()?;
         writers.iter_mut().try_for_each(InOrder::sync)?;
         progress.forget_earlier(folder, &writers)?;
+        summary.unkept = work.unkept.into_inner();
         done
     }
 

@@ -23,6 +23,12 @@ pub trait Observer: Sync {
         let _ = (frame, extracted);
     }
 
+    /// The cache of features cannot be written, for this `reason`, which names a file. The run goes on, and extracts what it
+    /// needs again; it tells this once, and counts on, see [`RunSummary::unkept`].
+    fn on_unkept(&self, reason: &str) {
+        let _ = reason;
+    }
+
     /// The kept matches of so many `pairs` are lost or damaged, though their records are there: they are matched again.
     fn on_lost_matches(&self, dataset: &str, matcher: &str, pairs: usize) {
         let _ = (dataset, matcher, pairs);
@@ -58,6 +64,8 @@ pub struct RunSummary {
     pub failed: usize,
     /// Sources outside that ended before they had been asked for all.
     pub ended: usize,
+    /// Files of features that the cache could not keep.
+    pub unkept: usize,
 }
 
 impl RunSummary {
@@ -81,6 +89,7 @@ impl Sum for RunSummary {
             now: sum.now + part.now,
             failed: sum.failed + part.failed,
             ended: sum.ended + part.ended,
+            unkept: sum.unkept + part.unkept,
         })
     }
 }

@@ -324,6 +324,7 @@ impl<'a> MatcherProgress<'a> {
                 .map(|estimator| estimator.failed)
                 .sum(),
             ended: 0,
+            unkept: 0,
         }
     }
 

@@ -209,6 +209,7 @@ mod tests {
             features: Ok(features),
             pixels: None,
             seconds: Some(0.5),
+            unkept: Vec::new(),
             hash: None,
         }
     }

@@ -1,6 +1,8 @@
 //! The work of one matcher on one dataset: how many pairs are listed at a time, which features are in
 //! memory, and how threads share the pairs.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use super::frame::{FrameStage, lock};
 use super::ordered::each_in_order;
 use super::pair::{PairDone, PairStages, is_stored};
@@ -23,6 +25,8 @@ pub(super) struct Work<'a> {
     pub(super) stored: MatchesFile,
     pub(super) observer: &'a dyn Observer,
     pub(super) cancel: &'a Cancel,
+    /// How many files the cache could not keep in this run so far.
+    pub(super) unkept: AtomicUsize,
 }
 
 impl Work<'_> {
@@ -114,6 +118,11 @@ impl Work<'_> {
                 if let Some(hash) = features.hash {
                     let image = &all[frame as usize].image;
                     lock(self.stages.images).note(frame, image, hash)?;
+                }
+                for reason in &features.unkept {
+                    if self.unkept.fetch_add(1, Ordering::Relaxed) == 0 {
+                        self.observer.on_unkept(reason);
+                    }
                 }
                 self.observer.on_frame(frame, features.seconds.is_some());
                 resident.insert(frame, features);

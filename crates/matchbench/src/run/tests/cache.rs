@@ -1,9 +1,10 @@
-//! A cache of features that cannot be believed.
+//! A cache of features that cannot be believed, or cannot be written.
 
 use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows};
 
 use super::*;
 use crate::cache::Key;
+use crate::files::{Call, Fault, break_calls};
 use crate::matchers::BuiltMatcher;
 
 /// The matcher of the only contender.
@@ -46,5 +47,70 @@ fn features_with_other_descriptors_than_the_matcher_makes_are_extracted_anew() {
         bench.run("run").unwrap();
         assert_eq!(extractions(), left);
         assert_eq!(bench.records("run"), bench.records("again"));
+    }
+}
+
+/// Remembers why nothing was kept.
+#[derive(Default)]
+struct Unkept(Mutex<Vec<String>>);
+
+impl Observer for Unkept {
+    fn on_unkept(&self, reason: &str) {
+        self.0.lock().unwrap().push(reason.into());
+    }
+}
+
+#[test]
+fn a_cache_that_cannot_be_written_is_told_once_and_takes_nothing_from_the_run() {
+    let bench = Bench::new(vec![Toy::default().contender("bright", &["e"])]);
+    let sound = bench.run("sound").unwrap();
+    assert_eq!(sound.unkept, 0);
+    let (folder, cache) = (bench.path("run"), bench.path("no folder"));
+    fs::write(&cache, "").unwrap();
+    let run = Run {
+        cache: FeatureCache::new(&cache),
+        decode,
+        ..Run::new(&bench.datasets, &bench.contenders, &folder)
+    };
+    let observer = Unkept::default();
+    let summary = run.execute(&observer, &Cancel::default()).unwrap();
+    assert!(summary.is_complete());
+    assert_eq!(bench.records("run"), bench.records("sound"));
+    assert_eq!(summary.unkept, 17, "each frame was extracted once");
+    let told = observer.0.into_inner().unwrap();
+    let [reason] = &told[..] else {
+        panic!("{told:?}");
+    };
+    let cache = cache.display().to_string();
+    assert!(
+        reason.contains(&cache) && reason.contains("--cache"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_full_disk_ends_the_run_only_where_its_results_are() {
+    let bench = Bench::new(vec![Toy::default().contender("bright", &["e"])]);
+    bench.run("sound").unwrap();
+    // The first time that something is written there.
+    let full = |part: &str| {
+        for left in 0.. {
+            let name = format!("{part} after {left}");
+            let broken = break_calls(&bench.path(&name).join(part), Fault::Full, left);
+            let observer = Unkept::default();
+            let ended = bench.run_with(&name, &observer, &Cancel::default());
+            let (call, _) = broken.happened().expect("it is written");
+            if call == Call::Write {
+                return (name, ended, observer.0.into_inner().unwrap());
+            }
+        }
+        unreachable!("a run has an end")
+    };
+    let (name, ended, told) = full("cache");
+    assert_eq!((ended.unwrap().unkept, told.len()), (1, 1));
+    assert_eq!(bench.records(&name), bench.records("sound"));
+    for part in ["records", "matches", "images"] {
+        let (_, ended, told) = full(part);
+        assert!(ended.is_err() && told.is_empty(), "{part}: {told:?}");
     }
 }
