@@ -43,12 +43,28 @@ fn two_matchers_of_one_run_are_compared_and_shown_side_by_side() {
         .find(|line| line.starts_with("wall"))
         .expect("a row");
     assert!(row.contains("orb, sift") && row.contains("15"), "{said}");
+    // All pairs of six images: six units, which are enough for an interval and its p-value.
+    let head = said.lines().next().expect("a head");
+    assert!(
+        head.contains("95 % interval  ") && head.contains("  p  "),
+        "{said}"
+    );
+    let p = row.split_whitespace().nth(11).expect("a p-value");
+    let value: f64 = p.trim_start_matches('<').parse().expect("a number");
+    let interval = row.split_whitespace().skip(8).take(3);
+    let ends: Vec<f64> = interval.filter_map(|end| end.parse().ok()).collect();
+    assert_eq!(ends.len(), 2, "{said}");
+    assert_eq!(value <= 0.05, ends[0] * ends[1] > 0.0, "{said}");
     assert!(
         said.contains("sift + ransac-e") && said.trim_end().ends_with("page/index.html"),
         "{said}"
     );
 
     let page = fs::read_to_string(folder.join("page/index.html")).expect("it was written");
+    assert!(page.contains(&format!(
+        "this comparison alone: {}",
+        p.replace('<', "&lt;")
+    )));
     assert!(
         page.contains("Where orb + ransac-e is better")
             && page.contains("Where sift + ransac-e is better")

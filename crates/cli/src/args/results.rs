@@ -170,8 +170,9 @@ pub(crate) struct LeaderboardArgs {
 #[command(after_help = "\
 For each matcher with each estimator on each dataset that both runs have, on the pairs that both
 have: the AUC before and after, the change with its paired 95 % interval (both runs see the same
-pairs, so the interval is that of the change), the pairs gained and lost at 5 degrees,
-and a verdict in words: better, worse, not certain, or the same.
+pairs, so the interval is that of the change) and the p-value of its paired t test, the pairs gained
+and lost at 5 degrees, and a verdict in words: better, worse, not certain, or the same. Each
+comparison is tested alone; p-values of several need a correction, for example Holm's.
 
 With --matchers FIRST,SECOND two methods are compared instead: both of one run or, if AFTER is
 given, FIRST of BEFORE with SECOND of AFTER. A name is MATCHER+ESTIMATOR, or a matcher, which is

@@ -11,7 +11,7 @@ use matchbench::metrics::{
     Comparison, Difference, MIN_IMAGES, ResultSet, compare, load, load_each,
 };
 use matchbench::records::{DatasetPlan, RunFolder};
-use matchbench::report::{Duel, Side, advantage, fixed, signed, units, write_differences};
+use matchbench::report::{Duel, Side, advantage, fixed, p_value, signed, units, write_differences};
 
 use super::eval::{run_at, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
@@ -328,6 +328,7 @@ fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
         after,
         "change",
         "95 % interval",
+        "p",
         "rotation",
         "translation",
         "gained",
@@ -356,6 +357,7 @@ fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
             number(c.after),
             change(c.auc.value),
             interval(&c.auc),
+            p_value(c.auc.p_value),
             change(c.rotation_auc.value),
             change(c.translation_auc.value),
             c.gained.to_string(),
@@ -372,7 +374,7 @@ fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
     for line in &lines {
         let cells: Vec<String> = (line.iter().zip(&widths).enumerate())
             .map(|(column, (cell, width))| match column {
-                0..=2 | 13 => format!("{cell:<width$}"),
+                0..=2 | 14 => format!("{cell:<width$}"),
                 _ => format!("{cell:>width$}"),
             })
             .collect();
@@ -382,7 +384,8 @@ fn table(rows: &[Row<'_>], [before, after]: [&str; 2]) -> String {
         text,
         "\nchange: of the AUC, on the pairs that both have, with the paired 95 % interval (pairs that \
          share an image are not independent);\nbetter and worse: of {after}, where the interval leaves out 0, which is decided for each comparison \
-         alone; there is none with fewer than {};\ngained and lost: pairs below 5 degrees in {after} but not in {before}, and the \
+         alone; there is none with fewer than {};\np: of the two-sided paired t test of the same, also for each \
+         comparison alone;\ngained and lost: pairs below 5 degrees in {after} but not in {before}, and the \
          reverse; changed: pairs with another result.\nOf homographies it is the AUC of the corner error at \
          3 px, and pairs are below 3 px.\n",
         units(MIN_IMAGES)

@@ -19,6 +19,8 @@ pub struct Difference {
     pub value: Option<f64>,
     /// Its paired interval, where there is enough evidence for one.
     pub interval: Option<Interval>,
+    /// Two-sided p-value of this difference alone, whatever it is one of; `None` where there is no interval.
+    pub p_value: Option<f64>,
     /// Units of these pairs, see [`MIN_IMAGES`].
     pub images: usize,
     /// Whether its sign is certain: the interval leaves out 0; or, if it is one of several, what all of these tell
@@ -39,10 +41,12 @@ impl Difference {
             low: low.max(-1.0),
             high: high.min(1.0),
         });
-        let is_significant = p_value(&ratio).is_some_and(|p| p <= ALPHA);
+        let p_value = p_value(&ratio);
+        let is_significant = p_value.is_some_and(|p| p <= ALPHA);
         let mut difference = Self {
             value: Some(ratio.value),
             interval,
+            p_value,
             images: ratio.units,
             is_certain: false,
             together: None,
@@ -58,6 +62,7 @@ impl Difference {
         Self {
             value: Some(value),
             interval,
+            p_value: None,
             images: 4 * MIN_IMAGES,
             is_certain: interval.is_some_and(|interval| interval.low > 0.0 || interval.high < 0.0),
             together: None,
@@ -137,6 +142,8 @@ mod tests {
         });
         let alike = Ratio::of(terms).expect("there are pairs");
         assert_eq!(p_value(&alike), Some(1.0 / 32.0));
+        let p_values = [&[0.2; 5][..], &[0.2; 6]].map(|tops| difference(tops).p_value);
+        assert_eq!(p_values, [None, Some(1.0 / 32.0)]);
         assert!(!difference(&[1e-16; 30]).is_certain);
         assert!(difference(&[1e-16; 30]).is_zero());
         // Some images have a difference of 0, the others what sums leave of it.

@@ -71,7 +71,7 @@ pub use difference_files::write_differences;
 pub use folder::{write_inner_report, write_report};
 pub use leaderboard::{Group, Leaderboard, Refused, Row, Source, leaderboard};
 pub use leaderboard_files::write_leaderboard;
-pub use numbers::{fixed, signed};
+pub use numbers::{fixed, p_value, signed};
 pub use of_results::of_results;
 pub use of_run::{ReportError, ReportOptions, Reported, content_of_run, of_run, paper_of_run};
 pub(crate) use pair_view::agrees_below;

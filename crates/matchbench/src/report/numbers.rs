@@ -84,6 +84,14 @@ pub fn signed(value: f64, decimals: usize) -> String {
     }
 }
 
+/// The chance of a difference where there is none: `0.012`, or `<0.001`.
+pub fn p_value(value: impl Into<Option<f64>>) -> String {
+    match value.into() {
+        Some(value) if value < 0.001 => "<0.001".to_owned(),
+        value => ratio(value),
+    }
+}
+
 fn decimals(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|value| value.is_finite()) {
         Some(value) => fixed(value, decimals),
@@ -121,6 +129,12 @@ mod tests {
         assert_eq!([fixed(-0.0006, 3), fixed(-10.0, 1)], ["-0.001", "-10.0"]);
         let both = [-1e-17, 0.0004, 0.5, -0.5].map(|value| signed(value, 3));
         assert_eq!(both, ["+0.000", "+0.000", "+0.500", "-0.500"]);
+    }
+
+    #[test]
+    fn a_small_p_value_is_not_zero() {
+        let shown = [None, Some(1.0), Some(0.0123), Some(0.001), Some(1e-9)].map(p_value);
+        assert_eq!(shown, ["–", "1.000", "0.012", "0.001", "<0.001"]);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use minijinja::{Value, context};
 use super::super::PairView;
 use super::super::advantage::advantage;
 use super::super::difference::{Duel, Twin};
-use super::super::numbers::NONE;
+use super::super::numbers::{NONE, p_value};
 use super::super::pair_words::{outcome, sentence};
 use super::pair_pages::{colours, facts, picture};
 use super::{environment, template};
@@ -61,6 +61,7 @@ fn chapter(chapter: &Chapter<'_>) -> Value {
         pairs => comparison.pairs,
         gained => comparison.gained,
         lost => comparison.lost,
+        p_value => comparison.auc.p_value.map(p_value),
         is_repeated => sides.iter().all(|side| side.results.repetitions > 1),
         images => &chapter.images,
         lists,
