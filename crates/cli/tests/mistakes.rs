@@ -29,6 +29,7 @@ fn a_number_of_things_that_cannot_be_none_is_a_whole_number() {
         ("plan", "--shards=0"),
         ("tune", "--limit=-1"),
         ("time", "--pairs=0"),
+        ("compare", "--pairs=0"),
     ] {
         let said = refused(folder.path(), &[command, "wall", option]);
         assert!(

@@ -4,6 +4,7 @@ mod data;
 mod results;
 mod runs;
 
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -151,6 +152,13 @@ pub(crate) struct ManArgs {
 fn one_of(group: &'static str, arguments: [&'static str; 2]) -> ArgGroup {
     let group = ArgGroup::new(group).args(arguments);
     group.required(true).multiple(true)
+}
+
+/// A number that must be at least 1.
+fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
+    let number: Result<NonZeroU64, _> = text.parse();
+    let number = number.map_err(|_| "give a whole number from 1 on")?;
+    N::try_from(number).map_err(|_| "give a smaller number".to_owned())
 }
 
 #[cfg(test)]

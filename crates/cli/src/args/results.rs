@@ -1,10 +1,11 @@
 //! Arguments of the commands about results: scores, reports, comparisons, other formats.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::one_of;
+use super::{from_one, one_of};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -202,8 +203,8 @@ pub(crate) struct CompareArgs {
     pub out: Option<PathBuf>,
     /// How many pairs of each dataset the page shows on which the first method wins, and as many on which the
     /// second wins
-    #[arg(long, value_name = "N", default_value_t = 6, requires = "out")]
-    pub pairs: usize,
+    #[arg(long, value_name = "N", default_value = "6", requires = "out", value_parser = from_one::<NonZeroUsize>)]
+    pub pairs: NonZeroUsize,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -1,13 +1,13 @@
 //! Arguments of the commands that match: matchers and estimators on datasets, or on one pair.
 
 use std::convert::Infallible;
-use std::num::{NonZeroU32, NonZeroU64, NonZeroUsize};
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use matchbench::records::KeepMatches;
 
-use super::one_of;
+use super::{from_one, one_of};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -493,13 +493,6 @@ pub(crate) struct CheckArgs {
 /// A name without the blanks that stand beside commas.
 fn trimmed(text: &str) -> Result<String, Infallible> {
     Ok(text.trim().to_owned())
-}
-
-/// A number that must be at least 1.
-fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
-    let number: Result<NonZeroU64, _> = text.parse();
-    let number = number.map_err(|_| "give a whole number from 1 on")?;
-    N::try_from(number).map_err(|_| "give a smaller number".to_owned())
 }
 
 /// `640x480`: width and height.

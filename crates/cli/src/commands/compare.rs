@@ -142,7 +142,7 @@ fn write_page(out: &Path, args: &CompareArgs, runs: [&PathBuf; 2], rows: &[Row<'
             comparison: row.comparison,
         })
         .collect();
-    let written = write_differences(out, &duels, args.pairs)?;
+    let written = write_differences(out, &duels, args.pairs.get())?;
     for note in &written.notes {
         say!("note: {note}");
     }
