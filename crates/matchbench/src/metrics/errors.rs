@@ -219,19 +219,25 @@ impl Names {
     /// The images of a row; `None` if an identifier does not tell them.
     ///
     /// # Errors
-    /// If an image has no name.
+    /// If an image has no name, or both are the same.
     fn images(self, fields: &[String]) -> Result<Option<[String; 2]>, String> {
-        let (columns, scene) = match self {
-            Self::Identifiers(column) => return Ok(images(&fields[column])),
-            Self::Apart { images, scene } => (images, scene),
+        let named = match self {
+            Self::Identifiers(column) => images(&fields[column]),
+            Self::Apart { images, scene } => {
+                if let Some(index) = (0..2).find(|&index| fields[images[index]].is_empty()) {
+                    return Err(format!("column `{}` names no image", IMAGES[index]));
+                }
+                let scene = scene.map_or("", |column| &*fields[column]);
+                Some(images.map(|column| format!("{scene}#{}", fields[column])))
+            }
         };
-        if let Some(index) = (0..2).find(|&index| fields[columns[index]].is_empty()) {
-            return Err(format!("column `{}` names no image", IMAGES[index]));
+        if named.as_ref().is_some_and(|[a, b]| a == b) {
+            let pair = self.pair(fields);
+            return Err(format!(
+                "in the pair `{pair}` an image is matched with itself; delete the line"
+            ));
         }
-        let scene = scene.map_or("", |column| &*fields[column]);
-        Ok(Some(
-            columns.map(|column| format!("{scene}#{}", fields[column])),
-        ))
+        Ok(named)
     }
 }
 
@@ -548,6 +554,19 @@ mod tests {
             line == 4 && problem.contains("`a#b` is listed on line 2 already"),
             "{problem}"
         );
+    }
+
+    #[test]
+    fn a_pair_of_an_image_with_itself_is_refused() {
+        for table in [
+            "identifiers R_errs t_errs\na#b#c 1 1\na#c#c 0 0\n",
+            "a,b,scene,pose_error\nx,y,1,2\nx,x,1,0\n",
+        ] {
+            let (line, problem) = parse(table).expect_err("it is no pair");
+            assert!(line == 3 && problem.contains("with itself"), "{problem}");
+        }
+        // Frames of two scenes may have one number.
+        assert!(parse("identifiers pose_error\na#1#b#1 2\n").is_ok());
     }
 
     #[test]
