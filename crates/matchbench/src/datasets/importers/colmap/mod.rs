@@ -21,6 +21,7 @@ pub(super) mod lens;
 mod text_model;
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
@@ -29,6 +30,9 @@ use nalgebra::Isometry3;
 
 use super::{ImportOptions, Imported, base_name, list};
 use crate::datasets::{About, DatasetError, Frame};
+
+/// At most so many models are named where none was given.
+const NAMED: usize = 5;
 
 /// A camera and the size of its images, or the reason why it cannot be used. The reason is reported only if an
 /// image has this camera.
@@ -45,6 +49,11 @@ struct Photograph {
 }
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
+    if !is_model(src)
+        && let Some(error) = models_below(src)
+    {
+        return Err(error);
+    }
     let has = |name: &str| src.join(name).is_file();
     let is_binary = has("images.bin") || has("cameras.bin") && !has("images.txt");
     let (cameras, mut photographs, [cameras_file, file]) = if is_binary {
@@ -115,6 +124,39 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     })
 }
 
+/// Whether a folder has at least one file of a model.
+fn is_model(folder: &Path) -> bool {
+    let has = |name: &&str| folder.join(name).is_file();
+    ["cameras.bin", "images.bin", "cameras.txt", "images.txt"]
+        .iter()
+        .any(has)
+}
+
+/// What is said of a folder that is no model where models lie below it. COLMAP puts them into `sparse/0`, `sparse/1` and so
+/// on below its workspace.
+fn models_below(src: &Path) -> Option<DatasetError> {
+    let below = |folder: &Path| -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        folders.sort();
+        folders
+    };
+    let mut models = below(src);
+    models.extend(below(&src.join("sparse")));
+    models.retain(|folder| is_model(folder));
+    let names: Vec<String> = (models.iter().take(NAMED))
+        .map(|model| model.display().to_string())
+        .collect();
+    let more = if models.len() > NAMED { " ..." } else { "" };
+    let remedy = match &names[..] {
+        [] => return None,
+        [one] => format!("give {one}"),
+        several => format!("give one of {}{more}", several.join(", ")),
+    };
+    let what = "there is no COLMAP model here, but below";
+    Some(DatasetError::new(src, what, remedy))
+}
+
 /// `images/` in the folder of the model or in one of the three folders above it; otherwise the folder of the
 /// model.
 fn nearest_images(src: &Path) -> PathBuf {
@@ -132,4 +174,35 @@ fn distinct(mut points: Vec<u64>) -> Vec<u64> {
     points.sort_unstable();
     points.dedup();
     points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::list_tests::read;
+    use super::super::tests::source;
+    use super::*;
+
+    #[test]
+    fn a_folder_above_models_names_them() {
+        let files = [("images/a.png", ""), ("sparse/0/cameras.txt", "")];
+        let (_folder, workspace) = source("workspace", &files);
+        let said = |src: &Path| read("colmap", src).unwrap_err().to_string();
+        let sparse = workspace.join("sparse");
+        let [first, second] = ["0", "1"].map(|name| sparse.join(name));
+        for src in [&workspace, &sparse] {
+            let said = said(src);
+            let remedy = format!("; give {}", first.display());
+            assert!(said.starts_with(&*src.display().to_string()), "{said}");
+            assert!(
+                said.contains("no COLMAP model") && said.ends_with(&remedy),
+                "{said}"
+            );
+        }
+        fs::create_dir(&second).unwrap();
+        fs::write(second.join("images.bin"), "").unwrap();
+        let models = format!("; give one of {}, {}", first.display(), second.display());
+        assert!(said(&workspace).ends_with(&models));
+        // What is there is read, and what is missing of it is named.
+        assert!(said(&first).contains("images.txt"));
+    }
 }
