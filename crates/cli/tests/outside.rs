@@ -360,14 +360,30 @@ fn a_matcher_that_ends_while_the_user_stops_the_run_hides_nothing() {
     let wall = dataset(folder.path(), "wall", 4);
     let (manifest, home) = toy(folder.path());
     let run = folder.path().join("run");
-    // Three pairs wait for it, none of which it does.
-    let text = "test -e sent || { touch sent; sleep 1; kill -TERM $PPID; sleep 1; }; exit 3\n";
+    // It does none, and the third failure in a row, with which it is given up, comes after the run is stopped.
+    let text =
+        "echo >> asked; test $(wc -l < asked) -lt 3 || { kill -TERM $PPID; sleep 1; }; exit 3\n";
     fs::write(home.join("break"), text).expect("writable");
     let toy = manifest.to_str().expect("UTF-8");
     let asked = ["run", "--threads", "4", "--matchers", toy, "--out"];
     let done = output(&asked, &[&run, &wall]);
     assert!(said(&done).contains("toy has ended"), "{}", said(&done));
     assert_eq!(done.status.code(), Some(130), "{}", said(&done));
+}
+
+#[test]
+fn a_program_that_crashes_while_the_user_stops_the_run_is_not_started_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 4);
+    let (manifest, home) = toy(folder.path());
+    let run = folder.path().join("run");
+    // Three pairs wait for it.
+    fs::write(home.join("break"), "kill -TERM $PPID; sleep 1; exit 3\n").expect("writable");
+    let toy = manifest.to_str().expect("UTF-8");
+    let asked = ["run", "--threads", "4", "--matchers", toy, "--out"];
+    let done = output(&asked, &[&run, &wall]);
+    assert_eq!(done.status.code(), Some(130), "{}", said(&done));
+    assert_eq!(lines(&home.join("started")), 1, "{}", said(&done));
 }
 
 #[test]

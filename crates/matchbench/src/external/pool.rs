@@ -145,8 +145,8 @@ impl External {
         self.log.path()
     }
 
-    /// Those who ask from now on are stopped by `cancel`. Then all that were begun get their answers; but where a process
-    /// hung, no other is started in its place, since that may hang as long, for each of those who wait.
+    /// Those who ask from now on are stopped by `cancel`. Then no process is started any more: those that are there answer
+    /// all who wait, and where none is left, or one hung, whoever waits is told that it was stopped.
     pub fn heed(&self, cancel: &Cancel) {
         self.pool().cancel = cancel.clone();
     }
@@ -275,15 +275,20 @@ impl External {
             if let Some(reason) = &pool.ended {
                 return Err(Breakdown::Ended(reason.clone()));
             }
-            let idle = pool.idle.pop();
-            if idle.is_some() || pool.taken < self.manifest.workers {
-                if idle.is_none() && pool.has_hung && pool.cancel.is_set() {
+            if let Some(worker) = pool.idle.pop() {
+                pool.taken += 1;
+                return Ok((Place(self), Some(worker)));
+            }
+            if pool.cancel.is_set() {
+                // No other is started. One that answers will be free; after one that hung nobody waits for the rest.
+                if pool.taken == 0 || pool.has_hung {
                     // The others who wait were not told of this place.
                     self.freed.notify_all();
                     return Err(Breakdown::Stopped);
                 }
+            } else if pool.taken < self.manifest.workers {
                 pool.taken += 1;
-                return Ok((Place(self), idle));
+                return Ok((Place(self), None));
             }
             pool = (self.freed.wait(pool)).unwrap_or_else(PoisonError::into_inner);
         }
@@ -379,9 +384,14 @@ done
 "#;
 
     fn start(folder: &Path, program: &str) -> External {
+        start_with(folder, program, 1)
+    }
+
+    fn start_with(folder: &Path, program: &str, workers: usize) -> External {
         std::fs::write(folder.join("x.sh"), program).unwrap();
-        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = 1\ntimeout_s = 2\n";
-        let manifest = Manifest::parse(&folder.join("x.toml"), text, &BuiltIn::default()).unwrap();
+        let text =
+            format!("name = 'x'\ncommand = ['sh', 'x.sh']\nworkers = {workers}\ntimeout_s = 2\n");
+        let manifest = Manifest::parse(&folder.join("x.toml"), &text, &BuiltIn::default()).unwrap();
         let log = Log::open(&folder.join("x.log")).unwrap();
         External::start(manifest, log).unwrap()
     }
@@ -413,11 +423,13 @@ done
     }
 
     #[test]
-    fn when_a_run_is_stopped_a_child_that_hangs_is_waited_for_once() {
+    fn when_a_run_is_stopped_no_child_is_started_in_the_place_of_another() {
         let matches = "echo '{\"type\":\"matched\",\"pair\":[0,1],\"count\":0}'";
-        for (answer, answered, stopped) in [(matches, 4, 0), ("sleep 60", 0, 3)] {
+        // It answers, hangs, or ends.
+        for (answer, answered, stopped) in [(matches, 4, 0), ("sleep 60", 0, 3), ("exit 3", 0, 3)] {
             let folder = tempfile::tempdir().unwrap();
             let program = PROGRAM.replace(matches, answer);
+            let program = format!("echo >> starts\n{program}");
             let external = start(folder.path(), &program);
             let cancel = Cancel::default();
             cancel.set();
@@ -433,7 +445,30 @@ done
             assert_eq!(count(Result::is_ok), answered, "{all:?}");
             let is_stopped = |answer: &_| matches!(answer, Err(Breakdown::Stopped));
             assert_eq!(count(is_stopped), stopped, "{all:?}");
+            let starts = std::fs::read_to_string(folder.path().join("starts")).unwrap();
+            assert_eq!(starts, "\n", "{answer}");
         }
+    }
+
+    #[test]
+    fn when_a_run_is_stopped_the_children_that_are_there_answer_all_who_wait() {
+        let folder = tempfile::tempdir().unwrap();
+        let program = format!("echo >> starts\n{PROGRAM}").replace(
+            "echo '{\"type\":\"matched",
+            "sleep 0.1; echo '{\"type\":\"matched",
+        );
+        let external = start_with(folder.path(), &program, 3);
+        let cancel = Cancel::default();
+        cancel.set();
+        external.heed(&cancel);
+        thread::scope(|scope| {
+            let asking = [(); 5].map(|()| scope.spawn(|| match_one(&external)));
+            for asked in asking {
+                assert!(asked.join().unwrap().is_ok(), "one child is there");
+            }
+        });
+        let starts = std::fs::read_to_string(folder.path().join("starts")).unwrap();
+        assert_eq!(starts, "\n", "two more could have been started");
     }
 
     #[test]
