@@ -63,12 +63,18 @@ pub(super) fn for_each<E: From<StoreError>>(
     names: [&str; 3],
     each: impl FnMut(usize, RunRecord) -> Result<(), E>,
 ) -> Result<Option<PathBuf>, E> {
-    let file = path(run, names);
-    if !file.exists() {
-        return Ok(None);
-    }
-    store::for_each(&file, FORMAT, each)?;
-    Ok(Some(file))
+    in_file(run, names, |file| store::for_each(file, FORMAT, each))
+}
+
+/// Where the records of these names are that were set aside, once `read` has read them; nothing if there are none.
+fn in_file<T, E>(
+    run: &Path,
+    names: [&str; 3],
+    read: impl FnOnce(&Path) -> Result<T, E>,
+) -> Result<Option<PathBuf>, E> {
+    let file = Some(path(run, names)).filter(|file| file.exists());
+    file.as_deref().map(read).transpose()?;
+    Ok(file)
 }
 
 /// How many records were set aside and are not taken over yet.
@@ -101,14 +107,11 @@ pub(super) fn for_each_waiting<E: From<StoreError>>(
     names: [&str; 3],
     each: impl FnMut(usize, RunRecord) -> Result<(), E>,
 ) -> Result<Option<PathBuf>, E> {
-    let earlier = path(run, names);
-    if !earlier.exists() {
-        return Ok(None);
-    }
     let [dataset, matcher, estimator] = names;
     let file = store::path(run, dataset, matcher, estimator);
-    each_waiting(&earlier, &file, format, each)?;
-    Ok(Some(earlier))
+    in_file(run, names, |earlier| {
+        each_waiting(earlier, &file, format, each)
+    })
 }
 
 /// Hands over the records of the file `earlier` that are not in the `file` of the run.
