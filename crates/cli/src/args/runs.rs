@@ -475,6 +475,9 @@ pub(crate) struct TimeArgs {
 Starts the matcher and matches two pairs with known poses, one of them twice, and a pair of tiny
 images. For each it says whether the points can be right, or which usual mistake explains them.
 
+Exit codes: 0 nothing is WRONG (what is doubtful works, but not as most would like); 1 the matcher
+could not be tried, for example since its manifest cannot be read; 2 something is WRONG.
+
 Example:
   matchbench check adapters/opencv/sift.toml
   matchbench check ./mine.toml office --set mine.max_size=640")]
