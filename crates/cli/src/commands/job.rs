@@ -9,7 +9,7 @@ use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::counted::counted;
 use matchbench::external::Manifest;
 use matchbench::matchers;
-use matchbench::records::RunFolder;
+use matchbench::records::{RunFolder, kept_otherwise, stranger_in};
 use matchbench::run::{Cancel, Dataset, Run, RunSummary};
 use matchbench::study::{News, Prepared, Study};
 
@@ -36,6 +36,13 @@ pub(crate) fn execute_until(study: &Study, stop: &Stop) -> Result<(Ending, Prepa
     for error in &prepared.absent {
         say!("error: {error}");
     }
+    if let Some(stranger) = stranger_in(&prepared.folder) {
+        say!(
+            "note: {} is not of a run; this one is written beside it (plan.json, records ...). For a folder of its own stop \
+             it and give another --out",
+            stranger.display()
+        );
+    }
     let ending = match execute_run(&prepared.run(), stop)? {
         Ending::Done if !prepared.absent.is_empty() => Ending::SomeFailed,
         ending => ending,
@@ -49,7 +56,15 @@ pub(crate) fn execute_run(run: &Run<'_>, stop: &Stop) -> Result<Ending> {
     let bar = Progress::new();
     let summary = run.execute(&bar, cancel);
     bar.finish();
-    Ok(tell(&summary?, run.folder, cancel))
+    let ending = tell(&summary?, run.folder, cancel);
+    for kept in kept_otherwise(run.folder, run.keep_matches) {
+        say!(
+            "note: {} was kept by an earlier start; this one has another --keep-matches, so it has added nothing there, and \
+             deleted nothing: delete it if you do not need it",
+            kept.display()
+        );
+    }
+    Ok(ending)
 }
 
 /// Prints the events while a study is prepared.

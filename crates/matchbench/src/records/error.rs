@@ -56,6 +56,16 @@ pub enum FolderError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Something is where a run writes, and there is no run.
+    #[error(
+        "{} is there, but no plan.json beside it, and a run would write into it; choose another folder for the run, or \
+         delete it if a run has left it",
+        path.display()
+    )]
+    Occupied {
+        /// What is there.
+        path: PathBuf,
+    },
     /// A dataset is not the one that records were made from.
     #[error(
         "{dataset} is another dataset now than the run in {} was of: cameras, pairs or true poses differ; put back what \

@@ -1,4 +1,5 @@
-//! The folder of a run, which holds all that a run leaves: the only place that knows its files.
+//! The folder of a run, which holds all that a run leaves: with `parts`, which has their names, the only place that knows its
+//! files.
 //!
 //! | file | what |
 //! | --- | --- |
@@ -38,6 +39,7 @@ use serde::Deserialize;
 
 use super::growth::{difference, moves_tasks};
 use super::images::ImageNotes;
+use super::parts::{CACHE, LOCK, LOGS, PLAN, REPORT, TUNED, TUNING, has_plan, in_the_way};
 use super::store::RecordWriter;
 use super::{
     FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, earlier, images,
@@ -47,14 +49,6 @@ use crate::files::{
     link_in, make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
     sync_folder_of, write_whole,
 };
-
-const PLAN: &str = "plan.json";
-const TUNING: &str = "tuning.json";
-const TUNED: &str = "tuned.json";
-const CACHE: &str = "cache";
-const REPORT: &str = "report";
-const LOGS: &str = "logs";
-const LOCK: &str = ".lock";
 
 /// The folder of a run, to be read.
 #[derive(Clone, Debug)]
@@ -80,7 +74,7 @@ impl RunFolder {
 
     /// Whether there is a run at `path`, readable or not.
     pub fn is_at(path: &Path) -> bool {
-        path.join(PLAN).is_file()
+        has_plan(path)
     }
 
     /// Where it is.
@@ -309,35 +303,6 @@ impl RunFolder {
     }
 }
 
-/// The names in the folder of a run, or of a plan of shards, that belong to it. Beside them others may keep files.
-const PARTS: [&str; 13] = [
-    PLAN,
-    TUNING,
-    TUNED,
-    CACHE,
-    LOCK,
-    LOGS,
-    store::FOLDER,
-    earlier::FOLDER,
-    matches::FOLDER,
-    matches::INLIERS,
-    images::FOLDER,
-    images::DEPTH,
-    "shards",
-];
-
-/// The folder of the run, or of the plan of shards, that a file is a part of: its plan, records, matches ...; not its
-/// report. `file` is absolute and without links.
-pub fn run_of_part(file: &Path) -> Option<&Path> {
-    file.ancestors().skip(1).find(|folder| {
-        let part = file
-            .strip_prefix(folder)
-            .ok()
-            .and_then(|inner| inner.iter().next());
-        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && RunFolder::is_at(folder)
-    })
-}
-
 /// The folder of a run that this process writes into, as long as this value lives.
 #[derive(Debug)]
 pub struct RunWriter {
@@ -402,7 +367,11 @@ impl RunWriter {
                     reason: "there are records, but not the plan that they belong to".into(),
                 });
             }
-            None => {}
+            None => {
+                if let Some(path) = in_the_way(path) {
+                    return Err(FolderError::Occupied { path });
+                }
+            }
         }
         let mut checked = None;
         if written.as_ref().map(|before| &before.plan) != Some(&plan) {

@@ -14,6 +14,7 @@ mod joined;
 mod line;
 pub mod matches;
 mod outcome;
+mod parts;
 mod plan;
 mod record;
 pub mod shards;
@@ -23,10 +24,11 @@ mod tuned;
 
 pub use broken::BrokenTasks;
 pub use error::FolderError;
-pub use folder::{RunFolder, RunWriter, run_of_part};
+pub use folder::{RunFolder, RunWriter};
 pub use joined::{JoinError, Joined, join};
 pub use matches::{KeepMatches, MatchesFile, SelectedMatches};
 pub use outcome::{MIN_MATCHES, MIN_SUPPORT, Outcome};
+pub use parts::{kept_otherwise, run_of_part, stranger_in};
 pub use plan::{
     DatasetPlan, EstimatorPlan, FORMAT, IN_PYTHON, MatcherPlan, Plan, RunSettings, ShardOf,
 };

@@ -564,6 +564,13 @@ fn each_frame_is_extracted_once_and_found_by_its_content() {
     assert_eq!(extractions(), 0);
     again();
     fs::remove_file(bench.path("run").join("plan.json")).unwrap();
+    // Without the plan nothing tells whose these are.
+    let error = bench.run("run").unwrap_err().to_string();
+    assert!(
+        error.contains("images is there, but no plan.json"),
+        "{error}"
+    );
+    fs::remove_dir_all(bench.path("run").join("images")).unwrap();
     bench.contenders = vec![other.contender("first", &["e"])];
     bench.run("run").unwrap();
     assert_eq!(extractions(), 12);
