@@ -1,16 +1,16 @@
 //! `matchbench eval`: prints the scores of a run, or of results in the authors' layout.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::counted::counted;
-use matchbench::datasets::PairRule;
+use matchbench::datasets::{Frame, PairRule};
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
-    Failure, PairChoice, ResultSet, Unfinished, doubts, is_without_sign, load, load_chosen,
-    load_errors, load_run, under_protocols,
+    Failure, PairChoice, ResultSet, Unfinished, doubts, frames_at_hand, is_without_sign, load,
+    load_chosen, load_errors, load_run, under_protocols,
 };
 use matchbench::protocols;
 use matchbench::records::{MatcherPlan, Plan, RunFolder};
@@ -84,7 +84,9 @@ fn loaded(args: &ScoredArgs, results: &Path) -> Result<Loaded> {
     let run = run_at(results)?;
     let unfinished = warn_of_unfinished(results, run.as_ref(), &sets)?;
     warn_of_ignored(results, &sets, &choice);
-    warn_of_strangers(&sets, &choice)?;
+    warn_of_strangers(&sets, &choice, |dataset| {
+        frames_at_hand(dataset, args.datasets.as_deref(), run.as_ref())
+    })?;
     if let Some(run) = &run {
         warn_of_doubts(run, &sets)?;
     }
@@ -220,18 +222,32 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
     }
 }
 
-/// Warns if a list of pairs names some that no results have.
-fn warn_of_strangers(sets: &[ResultSet], choice: &PairChoice) -> Result<()> {
+/// Warns if a list of pairs has some that no results are of. If it names images, the `frames` of each dataset have them.
+fn warn_of_strangers(
+    sets: &[ResultSet],
+    choice: &PairChoice,
+    frames: impl Fn(&str) -> Option<Vec<Frame>>,
+) -> Result<()> {
     let PairChoice::Rule(rule) = choice else {
         return Ok(());
     };
-    let Some(listed) = rule.list()? else {
-        return Ok(());
-    };
-    let scored: BTreeSet<(u32, u32)> = (sets.iter().flat_map(|set| &set.pairs))
-        .map(|pair| (pair.a, pair.b))
-        .collect();
-    let mut strangers = listed.iter().filter(|pair| !scored.contains(pair));
+    let mut scored = BTreeMap::<&str, BTreeSet<(u32, u32)>>::new();
+    for set in sets {
+        let pairs = set.pairs.iter().map(|pair| (pair.a, pair.b));
+        scored.entry(&set.dataset).or_default().extend(pairs);
+    }
+    // By their lines, since one pair of names may have other numbers in each dataset.
+    let mut strangers: Option<Vec<Option<(u32, u32)>>> = None;
+    for (dataset, scored) in scored {
+        let Some(listed) = rule.list(|| frames(dataset))? else {
+            return Ok(());
+        };
+        let here = strangers.get_or_insert_with(|| listed.iter().copied().map(Some).collect());
+        for (stranger, pair) in here.iter_mut().zip(&listed) {
+            *stranger = stranger.filter(|_| !scored.contains(pair));
+        }
+    }
+    let mut strangers = strangers.into_iter().flatten().flatten();
     if let Some((a, b)) = strangers.next() {
         let all = counted(1 + strangers.count(), "pair");
         say!("warning: --pairs {rule}: there are no results of {all} of it, the first {a} {b}");

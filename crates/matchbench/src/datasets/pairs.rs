@@ -17,7 +17,7 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use nalgebra::Isometry3;
@@ -191,11 +191,15 @@ impl PairRule {
     }
 
     /// A function that says whether the rule chooses a pair of frames. Frames are numbered after the stride was
-    /// applied; their number need not be known.
+    /// applied; their number need not be known. `frames` are asked for if a list names images.
     ///
     /// # Errors
-    /// If the list cannot be read, or names a frame with itself or a pair twice.
-    pub fn chooser(&self) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
+    /// If the list cannot be read, names a frame with itself or a pair twice, or names an image that none of the frames
+    /// has, or there are no frames.
+    pub fn chooser(
+        &self,
+        frames: impl FnOnce() -> Option<Vec<Frame>>,
+    ) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
         Ok(match self {
             Self::Fragments { length } => {
                 let length = *length as u64;
@@ -210,8 +214,7 @@ impl PairRule {
                 Box::new(move |a, b| a < b && u64::from(b - a) <= size)
             }
             Self::List { file } => {
-                let pairs = numbered(&TextFile::read(file)?, None)?;
-                let pairs: HashSet<_> = pairs.into_iter().collect();
+                let pairs: HashSet<_> = pairs_in(file, frames)?.into_iter().collect();
                 Box::new(move |a, b| pairs.contains(&(a, b)))
             }
             Self::Covisible { .. } => return Err(self.without_points()),
@@ -222,9 +225,12 @@ impl PairRule {
     ///
     /// # Errors
     /// As [`PairRule::chooser`].
-    pub fn list(&self) -> Result<Option<Vec<(u32, u32)>>, DatasetError> {
+    pub fn list(
+        &self,
+        frames: impl FnOnce() -> Option<Vec<Frame>>,
+    ) -> Result<Option<Vec<(u32, u32)>>, DatasetError> {
         match self {
-            Self::List { file } => Ok(Some(numbered(&TextFile::read(file)?, None)?)),
+            Self::List { file } => Ok(Some(pairs_in(file, frames)?)),
             _ => Ok(None),
         }
     }
@@ -242,6 +248,25 @@ impl PairRule {
         let pairs = with_poses(&frames, pairs)?;
         Ok((frames, pairs))
     }
+}
+
+/// The pairs of a list: of numbers, or of names that `frames` have, which are asked for then.
+fn pairs_in(
+    file: &Path,
+    frames: impl FnOnce() -> Option<Vec<Frame>>,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
+    let list = TextFile::read(file)?;
+    if is_numbered(&list) {
+        return numbered(&list, None);
+    }
+    let frames = frames().ok_or_else(|| {
+        DatasetError::new(
+            file,
+            "the list names images, and the dataset that has them is not at hand",
+            "name the folder that holds the dataset with --datasets, or list numbers of frames",
+        )
+    })?;
+    listed(&list, &frames)
 }
 
 /// Pairs of frames with their relative poses.
@@ -371,13 +396,45 @@ mod tests {
         let list = format!("list:{}", file.display());
         for rule in ["fragments:4", "all", "window:3", &list] {
             let rule: PairRule = rule.parse().unwrap();
-            let (chosen, listed) = (rule.chooser().unwrap(), rule.pairs(9).unwrap());
+            let (chosen, listed) = (rule.chooser(|| None).unwrap(), rule.pairs(9).unwrap());
             for a in 0..9 {
                 for b in 0..9 {
                     assert_eq!(chosen(a, b), listed.contains(&(a, b)), "{rule}: {a} {b}");
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_list_of_names_is_read_where_the_frames_are_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("list.txt");
+        let rule: PairRule = format!("list:{}", file.display()).parse().unwrap();
+        let frames = || {
+            let mut frames = super::super::testing::frames(3);
+            for (frame, image) in frames.iter_mut().zip(["x/a.png", "x/b.png", "x/c.png"]) {
+                frame.image = image.into();
+            }
+            Some(frames)
+        };
+        std::fs::write(&file, "c.png a.png\nb.png c.png\n").unwrap();
+        assert_eq!(rule.list(frames).unwrap(), Some(vec![(2, 0), (1, 2)]));
+        let chosen = rule.chooser(frames).unwrap();
+        assert!(chosen(2, 0) && chosen(1, 2) && !chosen(0, 2));
+        let error = rule.chooser(|| None).err().unwrap().to_string();
+        assert!(
+            error.contains("list.txt: ") && error.contains("--datasets"),
+            "{error}"
+        );
+        std::fs::write(&file, "c.png d.png\n").unwrap();
+        let error = rule.list(frames).unwrap_err().to_string();
+        assert!(error.contains("list.txt:1: `d.png`"), "{error}");
+        std::fs::write(&file, "0 1\n").unwrap();
+        assert_eq!(
+            rule.list(|| None).unwrap(),
+            Some(vec![(0, 1)]),
+            "numbers need none"
+        );
     }
 
     #[test]

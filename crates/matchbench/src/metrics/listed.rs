@@ -5,7 +5,7 @@ use std::mem;
 use std::path::Path;
 
 use crate::counted::counted;
-use crate::datasets::{Pair, Unpaired, read_dataset_pairs};
+use crate::datasets::{Frame, Pair, Unpaired, read_dataset_pairs};
 use crate::records::{RunFolder, RunRecord};
 
 use super::broken::count_broken;
@@ -107,7 +107,7 @@ fn are_too_many(missing: u64, found: u64) -> bool {
 }
 
 /// Brings sets of results of a `run` into line with the pairs that count: those of the `truths` of its datasets, or what it
-/// has recorded.
+/// has recorded. The `frames` of a dataset are asked for if the choice is by names of images.
 ///
 /// # Errors
 /// If a list cannot be read, or a few records stand for very many missing ones.
@@ -116,16 +116,17 @@ pub(super) fn complete_all<'a>(
     sets: impl Iterator<Item = &'a mut ResultSet>,
     truths: Option<&mut Truths<'_>>,
     choice: &PairChoice,
+    frames: &dyn Fn(&str) -> Option<Vec<Frame>>,
 ) -> Result<(), ResultsError> {
     let mut sets: Vec<&mut ResultSet> = sets.collect();
     let Some(truths) = truths else {
-        return as_recorded(&mut sets, choice);
+        return as_recorded(&mut sets, choice, frames);
     };
     let mut listed = BTreeMap::<String, Vec<(u32, u32)>>::new();
     for set in &sets {
         if !listed.contains_key(&set.dataset) {
             let pairs = truths.of(&set.dataset)?.pairs();
-            let chosen = choice.of(&set.dataset)?;
+            let chosen = choice.of(&set.dataset, || frames(&set.dataset))?;
             let pairs = pairs.filter(|&(a, b)| chosen(a, b)).collect();
             listed.insert(set.dataset.clone(), pairs);
         }
@@ -155,10 +156,19 @@ pub(super) fn complete_all<'a>(
 }
 
 /// Leaves the chosen pairs of what a run has recorded, and counts what each set lacks of what others have.
-fn as_recorded(sets: &mut [&mut ResultSet], choice: &PairChoice) -> Result<(), ResultsError> {
+fn as_recorded(
+    sets: &mut [&mut ResultSet],
+    choice: &PairChoice,
+    frames: &dyn Fn(&str) -> Option<Vec<Frame>>,
+) -> Result<(), ResultsError> {
     let mut recorded = BTreeMap::<String, BTreeSet<(u32, u32, u32)>>::new();
+    let mut choices = BTreeMap::new();
     for set in &mut *sets {
-        let chosen = choice.of(&set.dataset)?;
+        if !choices.contains_key(&set.dataset) {
+            let chosen = choice.of(&set.dataset, || frames(&set.dataset))?;
+            choices.insert(set.dataset.clone(), chosen);
+        }
+        let chosen = &choices[&set.dataset];
         let found = set.pairs.len();
         set.pairs.retain(|pair| chosen(pair.a, pair.b));
         set.ignored = found - set.pairs.len();
@@ -234,6 +244,7 @@ mod tests {
                 sets.iter_mut(),
                 Some(&mut Truths::new(folder.path())),
                 &PairChoice::Listed,
+                &|_| None,
             )
         };
         let mut few = sets(30);

@@ -58,7 +58,7 @@ pub use hard_pairs::{HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs
 pub use intervals::{Interval, MIN_IMAGES, Term};
 pub(crate) use judge::Judge;
 pub use load::{load, load_chosen, load_each, load_run};
-pub use pair_choice::PairChoice;
+pub use pair_choice::{PairChoice, frames_at_hand};
 pub use pair_geometry::{DatasetGeometry, PairGeometry};
 pub use pair_result::{Angle, AngularError, Deviation, Model, PairResult};
 pub use portion::Portion;

@@ -1,6 +1,9 @@
 //! Which of the pairs that a dataset lists are scored.
 
-use crate::datasets::{DatasetError, PairRule};
+use std::path::Path;
+
+use crate::datasets::{DatasetError, Frame, PairRule, Sequence, Unpaired};
+use crate::records::RunFolder;
 
 /// Which of the listed pairs are scored.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,17 +32,36 @@ impl PairChoice {
         }
     }
 
-    /// Whether a pair of a dataset is scored.
+    /// Whether a pair of a dataset is scored, whose frames are asked for if the rule is a list of names.
     ///
     /// # Errors
-    /// If the list of pairs that the rule names cannot be read.
-    pub(super) fn of(&self, dataset: &str) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
+    /// If the list of pairs that the rule names cannot be read, or names images and no frame has this name.
+    pub(super) fn of(
+        &self,
+        dataset: &str,
+        frames: impl FnOnce() -> Option<Vec<Frame>>,
+    ) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
         match self.rule(dataset) {
             // A dataset may list a pair in either order.
             PairRule::All => Ok(Box::new(|_, _| true)),
-            rule => rule.chooser(),
+            rule => rule.chooser(frames),
         }
     }
+}
+
+/// The frames of a dataset of results, which a list of names is about: in its folder in `datasets`, or where the `run` had
+/// it if it has not changed since.
+pub fn frames_at_hand(
+    dataset: &str,
+    datasets: Option<&Path>,
+    run: Option<&RunFolder>,
+) -> Option<Vec<Frame>> {
+    let named = datasets.and_then(|datasets| Unpaired::open(&datasets.join(dataset)).ok());
+    named.map(Unpaired::into_frames).or_else(|| {
+        let planned = (run?.plan().datasets.iter()).find(|planned| planned.name == dataset)?;
+        let sequence = Sequence::open(&planned.path).ok()?;
+        (sequence.fingerprint() == planned.fingerprint).then_some(sequence.frames)
+    })
 }
 
 #[cfg(test)]
@@ -55,7 +77,9 @@ mod tests {
             ("060-mine", true),
             ("mine", true),
         ] {
-            let choice = PairChoice::Paper.of(dataset).expect("no file is needed");
+            let choice = PairChoice::Paper
+                .of(dataset, || None)
+                .expect("no file is needed");
             assert_eq!(choice(0, 10), chosen, "{dataset}");
             assert!(choice(1, 10), "{dataset}");
         }
@@ -63,7 +87,9 @@ mod tests {
 
     #[test]
     fn what_is_listed_counts_in_either_order() {
-        let choice = PairChoice::Listed.of("room").expect("no file is needed");
+        let choice = PairChoice::Listed
+            .of("room", || None)
+            .expect("no file is needed");
         assert!(choice(3, 1) && choice(1, 3));
     }
 }

@@ -15,7 +15,7 @@ use crate::protocols;
 use crate::records::authors::{self, Row};
 
 use super::listed::listed_pairs;
-use super::pair_choice::PairChoice;
+use super::pair_choice::{PairChoice, frames_at_hand};
 use super::pair_result::scored;
 use super::results::{files, folders, sort, twice};
 use super::{Failure, FileResults, PairResult, ResultSet, ResultsError};
@@ -37,7 +37,7 @@ pub(super) fn load_published(
         else {
             continue;
         };
-        let chosen = choice.of(&dataset)?;
+        let chosen = choice.of(&dataset, || frames_at_hand(&dataset, datasets, None))?;
         listed.retain(|pair| chosen(pair.a, pair.b));
         for (stem, file) in files {
             sets.push(set_of(&dataset, &stem, &file, &listed)?);

@@ -19,7 +19,7 @@ use crate::records::{Plan, RunFolder, RunRecord, check_tasks, is_twice};
 
 use super::broken::count_broken;
 use super::listed::{Truths, complete_all, task};
-use super::pair_choice::PairChoice;
+use super::pair_choice::{PairChoice, frames_at_hand};
 use super::results_error::ResultsError;
 use super::{PairResult, ResultSet};
 
@@ -54,7 +54,14 @@ pub(super) fn of_run(
     }
     sort(&mut sets);
     order_as_planned(&mut sets, run.plan());
-    complete_all(run.path(), sets.iter_mut(), truths.as_mut(), choice)?;
+    let frames = |dataset: &str| frames_at_hand(dataset, datasets, Some(run));
+    complete_all(
+        run.path(),
+        sets.iter_mut(),
+        truths.as_mut(),
+        choice,
+        &frames,
+    )?;
     Ok(sets)
 }
 
