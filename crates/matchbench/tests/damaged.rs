@@ -9,7 +9,7 @@ use std::path::Path;
 use doors::archives::{doubles, npz};
 #[cfg(unix)]
 use doors::children;
-use doors::{CAMERA, Doors, PAIRS, fixture, intrinsics, names, offer, scannet_list};
+use doors::{CAMERA, Doors, PAIRS, intrinsics, names, offer, scannet_list};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
@@ -79,7 +79,7 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
              d,s,0000.pgm,1;0;0;0;1;0;0;0;1,0;0;0\nd,s,0001.pgm,1;0;0;0;1;0;0;0;1,1;0;0\n"]),
         "scannet" => vec![scannet_list()],
         "scannet intrinsics" => vec![intrinsics()],
-        "megadepth" => vec![fixture("megadepth.npz")],
+        "megadepth" => vec![include_bytes!("lists/megadepth.npz").to_vec()],
         "colmap text" => text(&[
             "# Image list\n1 1 0 0 0 0 0 0 1 0000.pgm\n1.5 1 7 2 2 -1\n2 0.6 0.8 0 0 1 0 0 1 0001.pgm\n1 1 7\n",
         ]),

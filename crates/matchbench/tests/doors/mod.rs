@@ -30,7 +30,7 @@ use nalgebra::{Isometry3, Matrix3, Point2};
 use archives::npz;
 use sources::{MODEL_CAMERAS, SourceDoor, binary_cameras, source_doors, sources};
 
-pub(crate) use sources::{fixture, intrinsics, scannet_list};
+pub(crate) use sources::{intrinsics, scannet_list};
 
 /// A door: its name, and what it does with bytes. It says whether they were accepted.
 type Door = (&'static str, fn(&Doors, &[u8]) -> bool);

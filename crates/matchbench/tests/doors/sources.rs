@@ -1,8 +1,5 @@
 //! Sources of datasets, each with all its files, to which the doors offer one file after the other.
 
-use std::fs;
-use std::path::Path;
-
 use super::archives::{doubles, npy, npz};
 
 /// The doors to sources, one a line: the kind of the source, the file that the door offers, below the folder of the
@@ -74,7 +71,7 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
         ("views/views.txt", text(VIEWS)),
         ("nerf/transforms.json", text(TRANSFORMS)),
         ("views/pairs.txt", text("0000.pgm 0001.pgm\n")),
-        ("calibrations/calibration_7.h5", fixture("calibration_7.h5")),
+        ("calibrations/calibration_7.h5", IMC_CALIBRATION.to_vec()),
     ];
     for path in [
         "fr3/0000.pgm",
@@ -93,11 +90,9 @@ pub(super) fn sources() -> Vec<(&'static str, Vec<u8>)> {
     files
 }
 
-/// A binary file that the authors' tools wrote.
-pub(crate) fn fixture(name: &str) -> Vec<u8> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/lists"));
-    fs::read(folder.join(name)).expect("fixtures are part of the repository")
-}
+/// A calibration of the Image Matching Challenge, in HDF5. Included, since this is compiled in `fuzz` too, where tests of
+/// this package are elsewhere.
+const IMC_CALIBRATION: &[u8] = include_bytes!("../lists/calibration_7.h5");
 
 /// LoFTR's list of ScanNet, with two pairs of a scan.
 pub(crate) fn scannet_list() -> Vec<u8> {
