@@ -176,9 +176,10 @@ pub(super) fn render(content: &Content) -> String {
     if of(Model::Pose) {
         text.push_str(PAPER);
     }
+    // Most styles of BibTeX know neither `@software` nor its version.
     let _ = writeln!(
         text,
-        "@software{{{TOOL},\n  author = {{{{{}}}}},\n  title = {{{{{TITLE}}}}},\n  version = {{{}}},\n  \
+        "@misc{{{TOOL},\n  author = {{{{{}}}}},\n  title = {{{{{TITLE}}}}},\n  note = {{Version {}}},\n  \
          year = {{{YEAR}}},\n  url = {{{}}},\n}}\n",
         env!("CARGO_PKG_AUTHORS"),
         env!("CARGO_PKG_VERSION"),
@@ -268,8 +269,8 @@ mod tests {
         let text = render(&content(&[("a", "sift", 4)]));
         let version = env!("CARGO_PKG_VERSION");
         let expected = format!(
-            "@software{{matchbench-tool,\n  author = {{{{The matchbench authors}}}},\n  \
-             title = {{{{matchbench: which feature matcher should I use?}}}},\n  version = {{{version}}},\n  \
+            "@misc{{matchbench-tool,\n  author = {{{{The matchbench authors}}}},\n  \
+             title = {{{{matchbench: which feature matcher should I use?}}}},\n  note = {{Version {version}}},\n  \
              year = {{2026}},\n  url = {{https://github.com/matchbench/matchbench}},\n}}\n"
         );
         assert!(text.contains(&expected), "{text}");
