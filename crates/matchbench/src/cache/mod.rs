@@ -125,7 +125,6 @@ mod tests {
     use matchbench_vision::image::Size;
 
     use super::*;
-    use crate::files::{Fault, break_calls};
 
     #[test]
     fn what_is_torn_or_foreign_is_not_found_and_can_be_replaced() {
@@ -157,6 +156,8 @@ mod tests {
     #[cfg(unix)] // holes of files take no room
     #[test]
     fn of_what_is_longer_than_it_says_the_head_alone_is_read() {
+        use crate::files::{Fault, break_calls};
+
         let folder = tempfile::tempdir().unwrap();
         let cache = FeatureCache::new(folder.path());
         let key = Key([1; 32]);
