@@ -22,11 +22,12 @@
 //!
 //! Every key but `version` may be absent; an unknown key is an error.
 
-use std::path::{Path, PathBuf};
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Lens};
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::ser::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::text::TextFile;
 use super::{DatasetError, DepthFile, DepthUnit, Turn};
@@ -94,6 +95,7 @@ pub(super) struct ManifestFrame {
     #[serde(
         default,
         deserialize_with = "path",
+        serialize_with = "with_slashes",
         skip_serializing_if = "Option::is_none"
     )]
     pub(super) image: Option<PathBuf>,
@@ -104,6 +106,7 @@ pub(super) struct ManifestFrame {
     #[serde(
         default,
         deserialize_with = "path",
+        serialize_with = "with_slashes",
         skip_serializing_if = "Option::is_none"
     )]
     pub(super) depth: Option<PathBuf>,
@@ -298,6 +301,17 @@ fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PathBuf>, D
     }
 }
 
+/// Writes a path so that every system reads it: Windows takes `/` too.
+#[allow(clippy::ref_option)] // as serde calls it
+fn with_slashes<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+    let text = path.as_ref().map(|path| {
+        let text = path.to_str();
+        text.map(|text| text.replace(MAIN_SEPARATOR, "/"))
+            .ok_or_else(|| S::Error::custom("the path is no UTF-8"))
+    });
+    text.transpose()?.serialize(serializer)
+}
+
 /// Longest name of a dataset. File systems allow 255 bytes, and some file names have an ending added.
 const MAX_NAME_BYTES: usize = 200;
 
@@ -435,9 +449,9 @@ mod tests {
                 k3: 1.0,
             })),
             frames: vec![ManifestFrame {
-                image: Some("rgb/1.5.png".into()),
+                image: Some(Path::new("rgb").join("1.5.png")),
                 name: Some("left/1.5.png".into()),
-                depth: Some("depth/1.4.png".into()),
+                depth: Some(Path::new("depth").join("1.4.png")),
                 camera: Some(Camera::pinhole(1.0 / 3.0, 2.0, 3.0, 4.0)),
                 turn: Turn::ThreeQuarters,
             }],
@@ -445,6 +459,8 @@ mod tests {
         };
         let text = toml::to_string(&manifest).unwrap();
         assert_eq!(parse(&text).unwrap(), manifest);
+        // With the same character on every system.
+        assert!(text.contains("\"rgb/1.5.png\"") && text.contains("\"depth/1.4.png\""));
         assert_eq!(
             manifest.image(Path::new("set"), 0),
             Some("/data/with space/rgb/1.5.png".into())
