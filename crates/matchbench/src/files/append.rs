@@ -107,6 +107,16 @@ mod tests {
         assert_eq!(file.append(b"?").unwrap(), 5);
         assert_eq!(fs::read(&path).unwrap(), b"onet!?");
         file.sync().unwrap();
+    }
+
+    #[cfg(unix)] // elsewhere what is open stays
+    #[test]
+    fn what_is_written_into_a_file_that_is_gone_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let mut file = Appender::open(&path, None).unwrap();
+        file.append(b"there").unwrap();
+        file.sync().unwrap();
         fs::remove_file(&path).unwrap();
         file.append(b"lost").unwrap();
         let error = file.sync().unwrap_err().to_string();

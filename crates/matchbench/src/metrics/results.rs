@@ -273,7 +273,7 @@ mod tests {
         fs::write(dataset.join("pairs.txt"), "0 1 1 0 0 0 0 1 0 0 0 0 1 1\n").expect("it is ours");
         let error =
             load(run.path(), Some(&run.path().join("datasets"))).expect_err("another truth");
-        let error = error.to_string();
+        let error = error.to_string().replace('\\', "/");
         for named in [
             "datasets/room: the record of the pair 0 1 states errors of 0.5000 of the rotation and 4.5000 of the translation",
             "but its pose has errors of 0.0000 of the rotation and 90.0000 of the translation (degrees) by the truth here",

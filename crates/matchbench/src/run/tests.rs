@@ -58,7 +58,9 @@ impl Bench {
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        let mut path = self.folder.path().to_owned();
+        path.extend(name.split('/'));
+        path
     }
 
     fn run_with(

@@ -238,15 +238,17 @@ mod tests {
     fn paths_start_from_the_folder_of_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("study.toml");
-        let text = "out = 'run'\nmatchers = ['sift', 'mine.toml']\ntuned = ['/t.json']\n\
+        let elsewhere = std::env::temp_dir().join("t.json");
+        let text = "out = 'run'\nmatchers = ['sift', 'mine.toml']\ntuned = ['ELSEWHERE']\n\
             [[dataset]]\npath = 'set'\nimport = { kind = 'folder', source = 'photos', pairs = 'list:p' }\n\
             [[dataset]]\npath = 'wall'\nimport = { kind = 'rendered', source = 'mural' }\n";
+        let text = text.replace("ELSEWHERE", &elsewhere.to_string_lossy());
         std::fs::write(&file, text).unwrap();
         let study = Study::read(&file).unwrap();
         let at = |name: &str| folder.path().join(name);
         assert_eq!(study.out, Some(at("run")));
         assert_eq!(study.matchers[1], at("mine.toml").to_string_lossy());
-        assert_eq!(study.tuned, [PathBuf::from("/t.json")]);
+        assert_eq!(study.tuned, [elsewhere]);
         let import = study.datasets[0].import.as_ref().unwrap();
         assert_eq!(import.source, at("photos"));
         assert_eq!(import.pairs, Some(PairRule::List { file: at("p") }));

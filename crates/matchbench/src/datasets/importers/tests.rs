@@ -566,7 +566,8 @@ fn what_was_imported_once_must_be_the_same_when_it_is_asked_for_again() {
     };
     import("folder", &src, &folder.path().join("named"), &named).unwrap();
     let about = crate::datasets::describe(&folder.path().join("named")).unwrap();
-    let words = ["--pairs", "list:list.txt", "--camera", "mine/K.txt"];
+    let camera = Path::new("mine").join("K.txt").display().to_string();
+    let words = ["--pairs", "list:list.txt", "--camera", &camera];
     assert_eq!(about.import[2..6], words);
     assert_eq!(once("all").unwrap(), None);
     let other = once("window:1").unwrap_err();

@@ -86,7 +86,11 @@ fn a_program_is_known_by_its_name_wherever_it_is_installed() {
             ["python3", "x.py", "/w/1.pth"],
         ),
         (
-            "['/usr/bin/python3', 'x.py', '-q']",
+            if cfg!(windows) {
+                "['C:/bin/python3', 'x.py', '-q']"
+            } else {
+                "['/usr/bin/python3', 'x.py', '-q']"
+            },
             ["python3", "x.py", "-q"],
         ),
         ("['./bin/python3', '', '']", ["./bin/python3", "", ""]),

@@ -398,7 +398,7 @@ fn shards_of_different_images_and_damaged_shards_are_refused() {
     let notes = bench.path("plan/shards/2/images/street.txt");
     let sound = fs::read(&notes).unwrap();
     fs::remove_file(&notes).unwrap();
-    let error = merged().unwrap_err().to_string();
+    let error = merged().unwrap_err().to_string().replace('\\', "/");
     assert!(
         error.contains("shards/2: it has lost the notes of the images of street"),
         "{error}"
