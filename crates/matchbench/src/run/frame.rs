@@ -114,7 +114,8 @@ impl FrameStage<'_> {
             Ok(reserved) => reserved,
             Err(reason) => return Ok(Err(reason)),
         };
-        let what = format_args!("extraction from {}", frame.image.display());
+        let path = frame.image.display();
+        let what = format_args!("extraction from {path}");
         let shared = self.matcher.detection.as_ref();
         let shared = shared.map(|detection| Key::new(file, frame.turn.into(), detection));
         let mut detections = KeptDetections::new(self.cache, shared);
@@ -181,6 +182,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, Broken> {
 
 /// A file that is no image may become one, once it is copied again.
 fn decode(decode: Decode, frame: &Frame, file: &[u8]) -> Result<GrayImage, Broken> {
-    let what = format_args!("decoding {}", frame.image.display());
+    let path = frame.image.display();
+    let what = format_args!("decoding {path}");
     guard(what, || Ok::<_, String>(frame.turn.pixels(decode(file)?))).map_err(Broken::for_now)
 }

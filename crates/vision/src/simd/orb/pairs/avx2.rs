@@ -92,7 +92,11 @@ pub(super) unsafe fn compare_pairs(
                         .map(|place| unsafe { *square.get_unchecked(place as usize) });
                     let is_darker = u8::from(first < second);
                     let shifted = word;
-                    _addcarry_u64(is_darker, shifted, shifted, &mut word);
+                    // SAFETY: every x86-64 adds with a carry. Later versions of Rust than the oldest call this safe.
+                    #[allow(unused_unsafe)]
+                    unsafe {
+                        _addcarry_u64(is_darker, shifted, shifted, &mut word);
+                    }
                 }
                 turn_places(upright, turn, pixels.width, next);
             }
