@@ -43,6 +43,14 @@ const JPEG_BYTES: usize = 9;
 pub(super) const COLOUR_BYTES: usize = 6;
 /// What the JPEG decoder says of a channel with three blocks across in a unit.
 const THREE_ACROSS: &str = "Horizontal sample is not a power of two(3) cannot decode";
+/// What is read besides JPEG. The decoders may know more, which other packages ask them for.
+const FORMATS: [ImageFormat; 5] = [
+    ImageFormat::Png,
+    ImageFormat::Pnm,
+    ImageFormat::Tiff,
+    ImageFormat::Bmp,
+    ImageFormat::WebP,
+];
 pub(super) const JPEG_MAGIC: [u8; 3] = [0xff, 0xd8, 0xff];
 
 /// A fixed-point mean of red, green and blue: `(w . rgb + half) >> bits`.
@@ -304,7 +312,10 @@ fn size_of_other(reader: impl BufRead + Seek) -> Result<Size, DecodeError> {
         .with_guessed_format()
         .map_err(|_| DecodeError::UnknownFormat)?;
     reader.limits(limits(0));
-    if reader.format().is_none() {
+    if reader
+        .format()
+        .is_none_or(|format| !FORMATS.contains(&format))
+    {
         return Err(DecodeError::UnknownFormat);
     }
     let (width, height) = reader

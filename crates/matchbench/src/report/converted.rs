@@ -85,6 +85,8 @@ fn fonts() -> Arc<fontdb::Database> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pair_view::Thumbnail;
+    use super::super::svg::data_url;
     use super::*;
 
     #[test]
@@ -121,6 +123,24 @@ mod tests {
                 "{pixels}"
             );
         }
+    }
+
+    #[test]
+    fn a_page_has_the_pictures_of_a_drawing() {
+        let gray = image::GrayImage::from_pixel(8, 8, image::Luma([90]));
+        let mut jpeg = io::Cursor::new(Vec::new());
+        gray.write_to(&mut jpeg, image::ImageFormat::Jpeg)
+            .expect("in memory");
+        let url = data_url(&Thumbnail {
+            original: (8, 8),
+            jpeg: jpeg.into_inner(),
+        });
+        let svg = format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="8" height="8"><image href="{url}" width="8" height="8"/></svg>"#
+        );
+        let file = pdf(&svg).expect("it is well-formed");
+        let part = b"/Subtype /Image";
+        assert!(file.windows(part.len()).any(|bytes| bytes == part));
     }
 
     #[test]

@@ -46,7 +46,6 @@ mod parquet;
 mod picture;
 mod pictures;
 mod protocol_table;
-
 mod score_words;
 mod svg;
 mod table;

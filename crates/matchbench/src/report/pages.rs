@@ -109,6 +109,14 @@ fn of_others(file: &Path) -> io::Error {
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 
+/// A form in which a figure could not be made.
+pub(super) struct Undrawn {
+    /// How files of this form end.
+    pub(super) ending: &'static str,
+    /// Which figure it is, and why, in a sentence.
+    pub(super) note: String,
+}
+
 impl<'a> Pages<'a> {
     /// Refuses a folder that belongs to a run or a dataset, or whose page or list is somebody else's.
     pub(super) fn new(folder: &'a Path) -> io::Result<Self> {
@@ -151,7 +159,7 @@ impl<'a> Pages<'a> {
 
     /// Writes the figure `name` as the drawing that it is, as PNG and as PDF. Where one of these cannot be made, a note
     /// is in its place, and is returned.
-    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Vec<String>> {
+    pub(super) fn write_drawing(&self, name: &str, svg: &str) -> io::Result<Vec<Undrawn>> {
         let file = |ending: &str| PathBuf::from(format!("{FIGURES}/{name}.{ending}"));
         self.write(&file("svg"), svg.as_bytes())?;
         let mut notes = Vec::new();
@@ -163,7 +171,7 @@ impl<'a> Pages<'a> {
                     let note = format!("{name}.svg cannot be drawn as {form}: {broken}");
                     let place = file(&format!("{ending}.txt"));
                     self.write(&place, format!("{note}\n").as_bytes())?;
-                    notes.push(note);
+                    notes.push(Undrawn { ending, note });
                 }
             }
         }

@@ -255,6 +255,17 @@ fn the_header_alone_tells_the_size() {
     assert!(read_size(&path).is_err());
 }
 
+#[test]
+fn what_decoders_know_besides_is_not_read() {
+    let gif =
+        b"GIF89a\x01\0\x01\0\x80\0\0\0\0\0\xff\xff\xff,\0\0\0\0\x01\0\x01\0\0\x02\x02D\x01\0;";
+    assert!(
+        image::load_from_memory(gif).is_ok(),
+        "it is sound, and could be read"
+    );
+    assert_eq!(decode_gray(gif), Err(DecodeError::UnknownFormat));
+}
+
 proptest! {
     #[test]
     fn damaged_bytes_do_not_panic(

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use self::figures::PaperFigure;
 use super::csv::field;
-use super::pages::Pages;
+use super::pages::{Pages, Undrawn};
 use super::{Content, MatcherTimes};
 use crate::records::MatcherPlan;
 
@@ -158,7 +158,7 @@ pub fn write_paper(
     write_figures(folder, content, times, &figures::all(content))
 }
 
-/// The same with these figures. One that cannot be drawn is not in the document.
+/// The same with these figures. One that cannot be drawn as PDF is not in the document, which needs that.
 fn write_figures(
     folder: &Path,
     content: &Content,
@@ -178,11 +178,12 @@ fn write_figures(
         write(&file("tex"), latex::table(sheet).as_bytes())?;
         write(&file("csv"), csv(sheet).as_bytes())?;
     }
-    let notes: Vec<Vec<String>> = (figures.par_iter())
+    let undrawn: Vec<Vec<Undrawn>> = (figures.par_iter())
         .map(|figure| out.write_drawing(figure.name, &figure.svg))
         .collect::<io::Result<_>>()?;
-    let drawn: Vec<&PaperFigure> = (figures.iter().zip(&notes))
-        .filter_map(|(figure, notes)| notes.is_empty().then_some(figure))
+    let has_pdf = |undrawn: &[Undrawn]| undrawn.iter().all(|undrawn| undrawn.ending != "pdf");
+    let drawn: Vec<&PaperFigure> = (figures.iter().zip(&undrawn))
+        .filter_map(|(figure, undrawn)| has_pdf(undrawn).then_some(figure))
         .collect();
     let lacking = tables::lacking(content);
     write(
@@ -194,7 +195,9 @@ fn write_figures(
     out.remove_earlier()?;
     Ok((
         folder.join("index.html"),
-        notes.into_iter().flatten().collect(),
+        (undrawn.into_iter().flatten())
+            .map(|undrawn| undrawn.note)
+            .collect(),
     ))
 }
 
