@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use matchbench::counted::counted;
-use matchbench::datasets::{Frame, PairRule};
+use matchbench::datasets::{DatasetError, Frame, PairRule};
 use matchbench::exchange::is_of_absent_pairs;
 use matchbench::metrics::{
     Failure, PairChoice, ResultSet, Unfinished, doubts, frames_at_hand, is_without_sign, load,
@@ -226,7 +226,7 @@ fn warn_of_ignored(results: &Path, sets: &[ResultSet], choice: &PairChoice) {
 fn warn_of_strangers(
     sets: &[ResultSet],
     choice: &PairChoice,
-    frames: impl Fn(&str) -> Option<Vec<Frame>>,
+    frames: impl Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError>,
 ) -> Result<()> {
     let PairChoice::Rule(rule) = choice else {
         return Ok(());

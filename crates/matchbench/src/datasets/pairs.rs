@@ -195,10 +195,10 @@ impl PairRule {
     ///
     /// # Errors
     /// If the list cannot be read, names a frame with itself or a pair twice, or names an image that none of the frames
-    /// has, or there are no frames.
+    /// has, or there are no frames, or these cannot be read.
     pub fn chooser(
         &self,
-        frames: impl FnOnce() -> Option<Vec<Frame>>,
+        frames: impl FnOnce() -> Result<Option<Vec<Frame>>, DatasetError>,
     ) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
         Ok(match self {
             Self::Fragments { length } => {
@@ -227,7 +227,7 @@ impl PairRule {
     /// As [`PairRule::chooser`].
     pub fn list(
         &self,
-        frames: impl FnOnce() -> Option<Vec<Frame>>,
+        frames: impl FnOnce() -> Result<Option<Vec<Frame>>, DatasetError>,
     ) -> Result<Option<Vec<(u32, u32)>>, DatasetError> {
         match self {
             Self::List { file } => Ok(Some(pairs_in(file, frames)?)),
@@ -253,13 +253,13 @@ impl PairRule {
 /// The pairs of a list: of numbers, or of names that `frames` have, which are asked for then.
 fn pairs_in(
     file: &Path,
-    frames: impl FnOnce() -> Option<Vec<Frame>>,
+    frames: impl FnOnce() -> Result<Option<Vec<Frame>>, DatasetError>,
 ) -> Result<Vec<(u32, u32)>, DatasetError> {
     let list = TextFile::read(file)?;
     if is_numbered(&list) {
         return numbered(&list, None);
     }
-    let frames = frames().ok_or_else(|| {
+    let frames = frames()?.ok_or_else(|| {
         DatasetError::new(
             file,
             "the list names images, and the dataset that has them is not at hand",
@@ -396,7 +396,7 @@ mod tests {
         let list = format!("list:{}", file.display());
         for rule in ["fragments:4", "all", "window:3", &list] {
             let rule: PairRule = rule.parse().unwrap();
-            let (chosen, listed) = (rule.chooser(|| None).unwrap(), rule.pairs(9).unwrap());
+            let (chosen, listed) = (rule.chooser(|| Ok(None)).unwrap(), rule.pairs(9).unwrap());
             for a in 0..9 {
                 for b in 0..9 {
                     assert_eq!(chosen(a, b), listed.contains(&(a, b)), "{rule}: {a} {b}");
@@ -415,13 +415,13 @@ mod tests {
             for (frame, image) in frames.iter_mut().zip(["x/a.png", "x/b.png", "x/c.png"]) {
                 frame.image = image.into();
             }
-            Some(frames)
+            Ok(Some(frames))
         };
         std::fs::write(&file, "c.png a.png\nb.png c.png\n").unwrap();
         assert_eq!(rule.list(frames).unwrap(), Some(vec![(2, 0), (1, 2)]));
         let chosen = rule.chooser(frames).unwrap();
         assert!(chosen(2, 0) && chosen(1, 2) && !chosen(0, 2));
-        let error = rule.chooser(|| None).err().unwrap().to_string();
+        let error = rule.chooser(|| Ok(None)).err().unwrap().to_string();
         assert!(
             error.contains("list.txt: ") && error.contains("--datasets"),
             "{error}"
@@ -431,7 +431,7 @@ mod tests {
         assert!(error.contains("list.txt:1: `d.png`"), "{error}");
         std::fs::write(&file, "0 1\n").unwrap();
         assert_eq!(
-            rule.list(|| None).unwrap(),
+            rule.list(|| Ok(None)).unwrap(),
             Some(vec![(0, 1)]),
             "numbers need none"
         );

@@ -5,7 +5,7 @@ use std::mem;
 use std::path::Path;
 
 use crate::counted::counted;
-use crate::datasets::{Frame, Pair, Unpaired, read_dataset_pairs};
+use crate::datasets::{DatasetError, Frame, Pair, Unpaired, read_dataset_pairs};
 use crate::records::{RunFolder, RunRecord};
 
 use super::broken::count_broken;
@@ -116,7 +116,7 @@ pub(super) fn complete_all<'a>(
     sets: impl Iterator<Item = &'a mut ResultSet>,
     truths: Option<&mut Truths<'_>>,
     choice: &PairChoice,
-    frames: &dyn Fn(&str) -> Option<Vec<Frame>>,
+    frames: &dyn Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError>,
 ) -> Result<(), ResultsError> {
     let mut sets: Vec<&mut ResultSet> = sets.collect();
     let Some(truths) = truths else {
@@ -159,7 +159,7 @@ pub(super) fn complete_all<'a>(
 fn as_recorded(
     sets: &mut [&mut ResultSet],
     choice: &PairChoice,
-    frames: &dyn Fn(&str) -> Option<Vec<Frame>>,
+    frames: &dyn Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError>,
 ) -> Result<(), ResultsError> {
     let mut recorded = BTreeMap::<String, BTreeSet<(u32, u32, u32)>>::new();
     let mut choices = BTreeMap::new();
@@ -244,7 +244,7 @@ mod tests {
                 sets.iter_mut(),
                 Some(&mut Truths::new(folder.path())),
                 &PairChoice::Listed,
-                &|_| None,
+                &|_| Ok(None),
             )
         };
         let mut few = sets(30);

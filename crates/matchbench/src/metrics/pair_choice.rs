@@ -39,7 +39,7 @@ impl PairChoice {
     pub(super) fn of(
         &self,
         dataset: &str,
-        frames: impl FnOnce() -> Option<Vec<Frame>>,
+        frames: impl FnOnce() -> Result<Option<Vec<Frame>>, DatasetError>,
     ) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
         match self.rule(dataset) {
             // A dataset may list a pair in either order.
@@ -49,19 +49,30 @@ impl PairChoice {
     }
 }
 
-/// The frames of a dataset of results, which a list of names is about: in its folder in `datasets`, or where the `run` had
-/// it if it has not changed since.
+/// The frames of a dataset of results, which a list of names is about: in its folder in `datasets`, or, if there is none,
+/// where the `run` had it, if its cameras, pairs and truth are those of then.
+///
+/// # Errors
+/// If the folder in `datasets` is there, and cannot be read.
 pub fn frames_at_hand(
     dataset: &str,
     datasets: Option<&Path>,
     run: Option<&RunFolder>,
-) -> Option<Vec<Frame>> {
-    let named = datasets.and_then(|datasets| Unpaired::open(&datasets.join(dataset)).ok());
-    named.map(Unpaired::into_frames).or_else(|| {
-        let planned = (run?.plan().datasets.iter()).find(|planned| planned.name == dataset)?;
+) -> Result<Option<Vec<Frame>>, DatasetError> {
+    let named = datasets.map(|datasets| datasets.join(dataset));
+    if let Some(named) = named.filter(|named| named.exists()) {
+        return Unpaired::open(&named).map(|unpaired| Some(unpaired.into_frames()));
+    }
+    let planned = run.and_then(|run| {
+        let mut all = run.plan().datasets.iter();
+        all.find(|planned| planned.name == dataset)
+    });
+    // What a run had may be gone, or another by now.
+    let sequence = planned.and_then(|planned| {
         let sequence = Sequence::open(&planned.path).ok()?;
-        (sequence.fingerprint() == planned.fingerprint).then_some(sequence.frames)
-    })
+        (sequence.fingerprint() == planned.fingerprint).then_some(sequence)
+    });
+    Ok(sequence.map(|sequence| sequence.frames))
 }
 
 #[cfg(test)]
@@ -78,7 +89,7 @@ mod tests {
             ("mine", true),
         ] {
             let choice = PairChoice::Paper
-                .of(dataset, || None)
+                .of(dataset, || Ok(None))
                 .expect("no file is needed");
             assert_eq!(choice(0, 10), chosen, "{dataset}");
             assert!(choice(1, 10), "{dataset}");
@@ -88,7 +99,7 @@ mod tests {
     #[test]
     fn what_is_listed_counts_in_either_order() {
         let choice = PairChoice::Listed
-            .of("room", || None)
+            .of("room", || Ok(None))
             .expect("no file is needed");
         assert!(choice(3, 1) && choice(1, 3));
     }
