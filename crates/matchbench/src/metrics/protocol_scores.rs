@@ -84,6 +84,8 @@ pub fn under_protocols(
 
 fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> ProtocolScores {
     let groups = groups(set, protocol.shuffles);
+    // Of a run that is not finished they may not be, and then the mean over pairs is another score.
+    let are_alike = groups.windows(2).all(|two| two[0].len() == two[1].len());
     let scores = protocol.scores.iter().map(|id| {
         let kind = score_kind(id);
         let values: Option<Vec<f64>> = (groups.iter())
@@ -95,7 +97,9 @@ fn score(set: &ResultSet, plan: Option<&Plan>, protocol: &'static Protocol) -> P
             id: kind.id,
             score: Score {
                 value,
-                interval: value.and_then(|_| kind.interval(groups.iter().map(Vec::as_slice))),
+                interval: value
+                    .filter(|_| are_alike)
+                    .and_then(|_| kind.interval(groups.iter().map(Vec::as_slice))),
             },
             deviation: deviation(&values),
         }
