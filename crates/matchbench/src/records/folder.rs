@@ -329,6 +329,12 @@ impl RunWriter {
         plan: Plan,
         check: impl FnOnce(&RunFolder) -> Result<T, FolderError>,
     ) -> Result<(Self, Option<T>), FolderError> {
+        // Where there are records too, it is their plan that is missing.
+        if let Some(place) = in_the_way(path)
+            && !path.join(store::FOLDER).exists()
+        {
+            return Err(FolderError::Occupied { path: place });
+        }
         make_folder(path).map_err(FolderError::io("make the folder", path))?;
         refuse_links(path)?;
         let locks = lock(path)?;
@@ -367,11 +373,7 @@ impl RunWriter {
                     reason: "there are records, but not the plan that they belong to".into(),
                 });
             }
-            None => {
-                if let Some(path) = in_the_way(path) {
-                    return Err(FolderError::Occupied { path });
-                }
-            }
+            None => {}
         }
         let mut checked = None;
         if written.as_ref().map(|before| &before.plan) != Some(&plan) {

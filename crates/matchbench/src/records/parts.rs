@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::{KeepMatches, earlier, images, matches, store};
+use crate::files::PREFIX;
 
 pub(super) const PLAN: &str = "plan.json";
 pub(super) const TUNING: &str = "tuning.json";
@@ -14,7 +15,7 @@ pub(super) const REPORT: &str = "report";
 pub(super) const LOGS: &str = "logs";
 pub(super) const LOCK: &str = ".lock";
 
-/// Folders that a run makes once its plan is written.
+/// The folders in that of a run that it makes once its plan is written.
 const AFTER_PLAN: [&str; 5] = [
     earlier::FOLDER,
     matches::FOLDER,
@@ -23,8 +24,8 @@ const AFTER_PLAN: [&str; 5] = [
     images::DEPTH,
 ];
 
-/// The names in the folder of a run, or of a plan of shards, that belong to it. Beside them others may keep files.
-const PARTS: [&str; 13] = [
+/// The other names in the folder of a run, or of a plan of shards, that belong to it.
+const OTHERS: [&str; 8] = [
     PLAN,
     TUNING,
     TUNED,
@@ -32,13 +33,13 @@ const PARTS: [&str; 13] = [
     LOCK,
     LOGS,
     store::FOLDER,
-    earlier::FOLDER,
-    matches::FOLDER,
-    matches::INLIERS,
-    images::FOLDER,
-    images::DEPTH,
     "shards",
 ];
+
+/// Whether what is called so in the folder of a run, or of a plan of shards, belongs to it. Beside that others may keep files.
+fn is_part(name: &OsStr) -> bool {
+    AFTER_PLAN.iter().chain(&OTHERS).any(|part| name == *part)
+}
 
 /// The folder of the run, or of the plan of shards, that a file is a part of: its plan, records, matches ...; not its
 /// report. `file` is absolute and without links.
@@ -48,7 +49,7 @@ pub fn run_of_part(file: &Path) -> Option<&Path> {
             .strip_prefix(folder)
             .ok()
             .and_then(|inner| inner.iter().next());
-        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && has_plan(folder)
+        part.is_some_and(is_part) && has_plan(folder)
     })
 }
 
@@ -57,10 +58,12 @@ pub(super) fn has_plan(folder: &Path) -> bool {
     folder.join(PLAN).is_file()
 }
 
-/// What stands in a `folder` without a plan where a run would write.
+/// What stands in a `folder` without a plan where a run would write. A run may begin there meanwhile, which writes its plan
+/// first.
 pub(super) fn in_the_way(folder: &Path) -> Option<PathBuf> {
     let mut places = AFTER_PLAN.iter().map(|name| folder.join(name));
-    places.find(|place| place.exists())
+    let place = places.find(|place| place.exists());
+    place.filter(|_| !has_plan(folder))
 }
 
 /// What is in a `folder` without a run and is no part of one, so that a run that is begun there stands among the files of
@@ -69,9 +72,12 @@ pub fn stranger_in(folder: &Path) -> Option<PathBuf> {
     if has_plan(folder) {
         return None;
     }
-    let is_part = |name: &OsStr| PARTS.iter().any(|part| name == *part);
+    let is_of_run = |name: &OsStr| {
+        let is_leftover = name.as_encoded_bytes().starts_with(PREFIX.as_bytes());
+        is_part(name) || name == REPORT || is_leftover
+    };
     let entries = fs::read_dir(folder).ok()?.flatten();
-    let others = entries.filter(|entry| !is_part(&entry.file_name()));
+    let others = entries.filter(|entry| !is_of_run(&entry.file_name()));
     others.map(|entry| entry.path()).min()
 }
 
@@ -99,7 +105,10 @@ mod tests {
         let make = |name: &str| fs::write(folder.join(name), "").unwrap();
         assert_eq!(stranger_in(&folder.join("nowhere")), None);
         make(LOCK);
-        fs::create_dir(folder.join(LOGS)).unwrap();
+        make(".matchbench-left");
+        for name in [LOGS, REPORT] {
+            fs::create_dir(folder.join(name)).unwrap();
+        }
         assert_eq!((stranger_in(folder), in_the_way(folder)), (None, None));
         make("thesis.tex");
         make("notes.txt");
@@ -108,6 +117,7 @@ mod tests {
         assert_eq!(in_the_way(folder), Some(folder.join("images")));
         make(PLAN);
         assert_eq!(stranger_in(folder), None, "they stand beside a run");
+        assert_eq!(in_the_way(folder), None, "it is of the run");
     }
 
     #[test]
