@@ -108,12 +108,10 @@ fn the_root_of_a_tool_may_lie_above_in_every_format_with_names() {
 /// hloc's list of pairs has one pair a line, with a blank between its names.
 #[test]
 fn names_that_a_list_of_pairs_cannot_say_are_refused_before_anything_is_written() {
-    let unix = if cfg!(unix) {
-        "db/one\n.png"
-    } else {
-        "db/o ne.png"
-    };
-    for name in ["db/on e.png", unix] {
+    for name in ["db/on e.png", "db/one\n.png"] {
+        if cfg!(windows) && name.contains('\n') {
+            continue; // no file has such a name there
+        }
         let (folder, mut sequence) = dataset();
         sequence.frames[1].image = folder.path().join("images").join(name);
         GrayImage::new(400, 300)

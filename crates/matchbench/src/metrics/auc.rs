@@ -45,8 +45,8 @@ fn auc_of(errors: impl Iterator<Item = Option<f64>> + Clone, limit: f64) -> f64 
     area / (limit * pairs)
 }
 
-/// What each of these errors adds to the area under recall up to `limit`, as a share of the largest area; the AUC is
-/// their mean.
+/// What each of these errors adds to the area under recall up to `limit`, divided by `limit`; the AUC is the mean. One alone
+/// may be above 1.
 ///
 /// From its error e on, a pair that is right adds `limit - e`. The trapezoids of all m right pairs add half of the largest
 /// of their errors, which is shared out evenly, since no pair alone decides it.

@@ -221,8 +221,9 @@ impl Run<'_> {
     /// If the run contradicts itself (see [`plan`]), or its folder holds another plan, is
     /// damaged, in use or cannot be written to. What was recorded stays recorded. A task that
     /// fails is not an error: it is recorded and counted, and tried again at the next start where its
-    /// record says that it may do better then. A source that ends is no error either: the run of the
-    /// others goes on; nor is a cache of features that cannot be written. It is an error if an image has changed since its records were made, or if that cannot be told.
+    /// record says that it may do better then. No errors either are a source that ends, since the others go on, and a
+    /// cache of features that cannot be written. It is an error if an image has changed since its records were made, or if
+    /// that cannot be told.
     pub fn execute(
         &self,
         observer: &dyn Observer,
