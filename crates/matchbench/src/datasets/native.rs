@@ -53,6 +53,13 @@ impl Sequence {
         }
         Ok(unpaired.with(pairs))
     }
+
+    /// Opens the dataset in the folder `dir`, if it is there and the one with this [`fingerprint`](Self::fingerprint): what a
+    /// run had may be gone, or another by now.
+    pub fn open_same(dir: &Path, fingerprint: &str) -> Option<Self> {
+        let sequence = Self::open(dir).ok()?;
+        (sequence.fingerprint() == fingerprint).then_some(sequence)
+    }
 }
 
 /// A dataset whose pairs are still in their files, for use if only a few of millions of pairs are needed.

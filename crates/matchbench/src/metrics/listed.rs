@@ -5,12 +5,12 @@ use std::mem;
 use std::path::Path;
 
 use crate::counted::counted;
-use crate::datasets::{DatasetError, Frame, Pair, Unpaired, read_dataset_pairs};
+use crate::datasets::{Pair, Unpaired, read_dataset_pairs};
 use crate::records::{RunFolder, RunRecord};
 
 use super::broken::count_broken;
 use super::judge::Judge;
-use super::pair_choice::PairChoice;
+use super::pair_choice::{FramesOf, PairChoice};
 use super::results_error::ResultsError;
 use super::{Failure, PairResult, ResultSet};
 
@@ -116,7 +116,7 @@ pub(super) fn complete_all<'a>(
     sets: impl Iterator<Item = &'a mut ResultSet>,
     truths: Option<&mut Truths<'_>>,
     choice: &PairChoice,
-    frames: &dyn Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError>,
+    frames: &FramesOf<'_>,
 ) -> Result<(), ResultsError> {
     let mut sets: Vec<&mut ResultSet> = sets.collect();
     let Some(truths) = truths else {
@@ -159,7 +159,7 @@ pub(super) fn complete_all<'a>(
 fn as_recorded(
     sets: &mut [&mut ResultSet],
     choice: &PairChoice,
-    frames: &dyn Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError>,
+    frames: &FramesOf<'_>,
 ) -> Result<(), ResultsError> {
     let mut recorded = BTreeMap::<String, BTreeSet<(u32, u32, u32)>>::new();
     let mut choices = BTreeMap::new();

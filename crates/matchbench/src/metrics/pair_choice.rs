@@ -5,6 +5,9 @@ use std::path::Path;
 use crate::datasets::{DatasetError, Frame, PairRule, Sequence, Unpaired};
 use crate::records::RunFolder;
 
+/// Gives the frames of the dataset with a name, if it is at hand.
+pub(super) type FramesOf<'a> = dyn Fn(&str) -> Result<Option<Vec<Frame>>, DatasetError> + 'a;
+
 /// Which of the listed pairs are scored.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum PairChoice {
@@ -67,11 +70,8 @@ pub fn frames_at_hand(
         let mut all = run.plan().datasets.iter();
         all.find(|planned| planned.name == dataset)
     });
-    // What a run had may be gone, or another by now.
-    let sequence = planned.and_then(|planned| {
-        let sequence = Sequence::open(&planned.path).ok()?;
-        (sequence.fingerprint() == planned.fingerprint).then_some(sequence)
-    });
+    let sequence =
+        planned.and_then(|planned| Sequence::open_same(&planned.path, &planned.fingerprint));
     Ok(sequence.map(|sequence| sequence.frames))
 }
 

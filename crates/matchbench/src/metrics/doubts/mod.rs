@@ -70,9 +70,7 @@ pub fn doubts(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreE
         if !is_doubtful(&judged) {
             continue;
         }
-        // The dataset may be elsewhere by now, or another.
-        let sequence = Sequence::open(&dataset.path).ok();
-        let sequence = sequence.filter(|now| now.fingerprint() == dataset.fingerprint);
+        let sequence = Sequence::open_same(&dataset.path, &dataset.fingerprint);
         let explanation = match &sequence {
             Some(sequence) => explanation(sequence, &poses(run, &sets, &judged)?)
                 .filter(|(_, count)| *count >= 2 * agreeing(&judged)),

@@ -63,10 +63,7 @@ impl Truths {
     pub(super) fn of(&mut self, dataset: &DatasetPlan) -> Option<&Truth> {
         let find = || {
             let places = self.places.get(&dataset.fingerprint)?;
-            let open = |path: &PathBuf| {
-                let found = Sequence::open(path).ok()?;
-                (found.fingerprint() == dataset.fingerprint).then_some(found)
-            };
+            let open = |path: &PathBuf| Sequence::open_same(path, &dataset.fingerprint);
             let (sequence, is_handed_in) =
                 places.iter().enumerate().find_map(|(kind, paths)| {
                     let mut paths =
