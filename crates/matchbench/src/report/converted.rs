@@ -7,6 +7,8 @@
 use std::io;
 use std::sync::{Arc, OnceLock};
 
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ColorType, ImageEncoder};
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 use svg2pdf::{ConversionOptions, PageOptions};
@@ -32,7 +34,17 @@ pub(super) fn png(svg: &str, scale: f32) -> io::Result<Vec<u8>> {
         .ok_or_else(|| io::Error::other("a picture of this size cannot be drawn"))?;
     let transform = Transform::from_scale(scale, scale);
     resvg::render(&tree, transform, &mut pixels.as_mut());
-    pixels.encode_png().map_err(io::Error::other)
+    let bytes: Vec<u8> = (pixels.pixels().iter())
+        .flat_map(|pixel| {
+            let colour = pixel.demultiply();
+            [colour.red(), colour.green(), colour.blue(), colour.alpha()]
+        })
+        .collect();
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive)
+        .write_image(&bytes, width, height, ColorType::Rgba8.into())
+        .map_err(io::Error::other)?;
+    Ok(file)
 }
 
 /// The drawing as a PDF file of one page, a point for one unit.
