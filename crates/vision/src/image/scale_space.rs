@@ -26,16 +26,25 @@ use super::blur_at::blur_at;
 use super::{FloatImage, GrayImage, RowBuffer, Size};
 use crate::simd::{ROWS_AT_ONCE, double_row, halve_row, rows_together, second_level_cache};
 
-/// Columns of a strip, without the columns that its neighbours make as well: the fastest choice on processors with a
-/// second-level cache of a megabyte or more.
+/// Columns of a strip, without the columns that its neighbours make as well: the fastest choice with a second-level cache
+/// of a megabyte (Zen 4, Zen 5).
 const STRIP: usize = 1024;
 
-/// The fastest choice with half a megabyte (Zen 3), where strips of fewer columns than [`STRIP`] gain nothing. Fewer columns
-/// are made twice.
-const WIDE_STRIP: usize = 2048;
+/// The fastest choice with two megabytes (Intel), in which the rows of wider strips stay too. Fewer columns are made twice.
+const WIDER_STRIP: usize = 1536;
 
-/// Bytes of a second-level cache from which on [`STRIP`] is chosen.
-const ENOUGH: usize = 1 << 20;
+/// The fastest choice with half a megabyte (Zen 3), where strips of fewer columns than [`STRIP`] gain nothing.
+const WIDEST_STRIP: usize = 2048;
+
+/// The [fastest strips](STRIP) with a second-level cache of so many bytes, if that is known.
+fn columns_of_strips(cache: Option<usize>) -> usize {
+    const MEGABYTE: usize = 1 << 20;
+    match cache {
+        Some(bytes) if bytes < MEGABYTE => WIDEST_STRIP,
+        Some(bytes) if bytes >= 2 * MEGABYTE => WIDER_STRIP,
+        _ => STRIP,
+    }
+}
 
 /// Shape of a scale space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,8 +111,7 @@ impl ScaleSpaceShape {
     /// # Panics
     /// If there are no `intervals`, or if blurs between layers are not between 0.001 and 10,000 pixels.
     pub fn visit(&self, image: &GrayImage, visitor: &mut impl LayerVisitor) {
-        let is_small = second_level_cache().is_some_and(|bytes| bytes < ENOUGH);
-        self.visit_in_strips(image, if is_small { WIDE_STRIP } else { STRIP }, visitor);
+        self.visit_in_strips(image, columns_of_strips(second_level_cache()), visitor);
     }
 
     /// [`Self::visit`] in strips of so many columns.
@@ -517,7 +525,7 @@ mod tests {
         for (size, strip, starts) in [
             (Size::new(41, 150), STRIP, vec![vec![0]; 4]),
             (wide, STRIP, vec![vec![0, 688, 1376], vec![0, 528]]),
-            (wide, WIDE_STRIP, vec![vec![0, 1040], vec![0]]),
+            (wide, WIDEST_STRIP, vec![vec![0, 1040], vec![0]]),
         ] {
             for reach in [
                 Reach {
