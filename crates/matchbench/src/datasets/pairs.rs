@@ -190,8 +190,9 @@ impl PairRule {
         }
     }
 
-    /// A function that says whether the rule chooses a pair of frames. Frames are numbered after the stride was
-    /// applied; their number need not be known. `frames` are asked for if a list names images.
+    /// A function that says whether the rule chooses a pair of frames among those that are listed: in either order, since a
+    /// dataset may list a pair in either, but of a list in the order that it has there. Frames are numbered after the stride
+    /// was applied; their number need not be known. `frames` are asked for if a list names images.
     ///
     /// # Errors
     /// If the list cannot be read, names a frame with itself or a pair twice, or names an image that none of the frames
@@ -204,14 +205,14 @@ impl PairRule {
             Self::Fragments { length } => {
                 let length = *length as u64;
                 Box::new(move |a, b| {
-                    let (a, b) = (u64::from(a), u64::from(b));
-                    a < b && a % length == 0 && a / length == b / length
+                    let (first, last) = (u64::from(a.min(b)), u64::from(a.max(b)));
+                    first < last && first % length == 0 && first / length == last / length
                 })
             }
-            Self::All => Box::new(|a, b| a < b),
+            Self::All => Box::new(|a, b| a != b),
             Self::Window { size, .. } => {
                 let size = *size as u64;
-                Box::new(move |a, b| a < b && u64::from(b - a) <= size)
+                Box::new(move |a, b| a != b && u64::from(a.abs_diff(b)) <= size)
             }
             Self::List { file } => {
                 let pairs: HashSet<_> = pairs_in(file, frames)?.into_iter().collect();
@@ -389,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_rule_chooses_is_what_it_lists() {
+    fn what_a_rule_chooses_is_what_it_lists_in_either_order() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("list.txt");
         std::fs::write(&file, "0 3\n5 1\n").unwrap();
@@ -397,9 +398,12 @@ mod tests {
         for rule in ["fragments:4", "all", "window:3", &list] {
             let rule: PairRule = rule.parse().unwrap();
             let (chosen, listed) = (rule.chooser(|| Ok(None)).unwrap(), rule.pairs(9).unwrap());
+            let has_order = matches!(rule, PairRule::List { .. });
             for a in 0..9 {
                 for b in 0..9 {
-                    assert_eq!(chosen(a, b), listed.contains(&(a, b)), "{rule}: {a} {b}");
+                    let is_listed =
+                        listed.contains(&(a, b)) || (!has_order && listed.contains(&(b, a)));
+                    assert_eq!(chosen(a, b), is_listed, "{rule}: {a} {b}");
                 }
             }
         }

@@ -44,11 +44,7 @@ impl PairChoice {
         dataset: &str,
         frames: impl FnOnce() -> Result<Option<Vec<Frame>>, DatasetError>,
     ) -> Result<Box<dyn Fn(u32, u32) -> bool>, DatasetError> {
-        match self.rule(dataset) {
-            // A dataset may list a pair in either order.
-            PairRule::All => Ok(Box::new(|_, _| true)),
-            rule => rule.chooser(frames),
-        }
+        self.rule(dataset).chooser(frames)
     }
 }
 
@@ -98,9 +94,10 @@ mod tests {
 
     #[test]
     fn what_is_listed_counts_in_either_order() {
-        let choice = PairChoice::Listed
-            .of("room", || Ok(None))
-            .expect("no file is needed");
-        assert!(choice(3, 1) && choice(1, 3));
+        let window = PairChoice::Rule("window:2".parse().expect("a rule"));
+        for choice in [PairChoice::Listed, window] {
+            let chosen = choice.of("room", || Ok(None)).expect("no file is needed");
+            assert!(chosen(3, 1) && chosen(1, 3), "{choice:?}");
+        }
     }
 }
