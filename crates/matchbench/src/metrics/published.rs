@@ -128,8 +128,16 @@ fn judged(
         (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, dataset) => {
             let dir = datasets.join(dataset);
             let mut listed = listed_pairs(datasets, dataset)?;
-            // The layout holds poses alone.
+            let has_pairs = !listed.is_empty();
             listed.retain(|pair| pair.pose().is_some());
+            if has_pairs && listed.is_empty() {
+                return Err(ResultsError::Layout {
+                    path: dir,
+                    problem: "the dataset has no true poses, and results in the authors' layout are poses alone, so \
+                              nothing can be scored; give the folder of the run (its --out), which holds homographies"
+                        .to_owned(),
+                });
+            }
             (listed, Some(dir))
         }
         (_, Some(truth)) => (read_truth(&truth, &files)?, None),
@@ -401,6 +409,31 @@ mod tests {
         let sets = load(folder.path(), Some(datasets.path())).expect("in order");
         assert_eq!((sets[0].pairs.len(), sets[0].ignored), (1, 65));
         assert_eq!(sets[1].pairs.len(), 66);
+    }
+
+    #[test]
+    fn poses_are_refused_where_the_dataset_has_homographies_alone() {
+        let folder = published(|_, _| String::new());
+        for sequence in ["05-castle", "06-office-wide"] {
+            let truth = folder.path().join(sequence).join("groundtruth.txt");
+            fs::remove_file(truth).expect("it is ours");
+        }
+        let datasets = tempfile::tempdir().expect("a temporary folder");
+        let castle = datasets.path().join("05-castle");
+        fs::create_dir(&castle).expect("a folder can be made");
+        let homography = "0 1 1 0 0 0 1 0 0 0 1\n";
+        fs::write(castle.join("homographies.txt"), homography).expect("it is ours");
+        let error = load(folder.path(), Some(datasets.path())).expect_err("nothing to score by");
+        let error = error.to_string();
+        assert!(
+            error.contains("05-castle: the dataset has no true poses"),
+            "{error}"
+        );
+        // Of a dataset that has both, the pairs with poses are scored.
+        fs::write(castle.join("pairs.txt"), format!("0 1 {POSE}\n")).expect("it is ours");
+        let error = load(folder.path(), Some(datasets.path())).expect_err("the other is missing");
+        let error = error.to_string();
+        assert!(error.contains("06-office-wide: neither"), "{error}");
     }
 
     #[test]
