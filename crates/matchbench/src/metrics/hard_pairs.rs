@@ -174,7 +174,7 @@ fn by_counts(sets: &[&ResultSet]) -> [BTreeSet<(u32, u32)>; 2] {
             .filter(|pair| pair.repetition == 0 && pair.outcome != Err(Failure::Broken))
             .filter_map(|pair| Some(((pair.a, pair.b), pair.counts?)));
         let counted: Vec<((u32, u32), Counts)> = counted.collect();
-        let states = (counted.iter()).any(|(_, its)| its.features_a > 0 || its.features_b > 0);
+        let states = counted.iter().any(|(_, its)| its.counts_features());
         features.add(&counted, |its| {
             let fewer = f64::from(its.features_a.min(its.features_b));
             (states && its.has_features()).then_some(fewer)

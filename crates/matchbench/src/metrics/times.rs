@@ -58,9 +58,13 @@ impl StageQuartiles {
     pub fn new(pairs: &[PairResult]) -> Self {
         let stage =
             |get: fn(&StageTimes) -> Option<f64>| pairs.iter().filter_map(move |p| get(&p.times));
-        let features = (pairs.iter())
+        let counts: Vec<Counts> = (pairs.iter())
             .filter(|pair| pair.outcome != Err(Failure::Broken))
             .filter_map(|pair| pair.counts.filter(Counts::has_features))
+            .collect();
+        // A pair without matches does not say whether there were features, unless others do.
+        let are_known = counts.iter().any(Counts::counts_features);
+        let features = (counts.iter().filter(|_| are_known))
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
             features: Quartiles::of(features.map(f64::from)),
@@ -97,6 +101,30 @@ mod tests {
         });
         let features = StageQuartiles::new(&[pair]).features;
         assert_eq!(features.map(|f| f.upper > 1e9), Some(true));
+    }
+
+    #[test]
+    fn a_pair_without_matches_gives_no_features_to_a_matcher_that_has_none() {
+        let pair = |counts: [u32; 4]| {
+            let [features_a, features_b, putative, selected] = counts;
+            PairResult {
+                counts: Some(Counts {
+                    features_a,
+                    features_b,
+                    putative,
+                    selected,
+                }),
+                ..solved(0, 1.0, 1.0, 30)
+            }
+        };
+        let median = |pairs: &[PairResult]| StageQuartiles::new(pairs).features.map(|f| f.median);
+        let (matched, empty) = (pair([0, 0, 30, 30]), pair([0; 4]));
+        assert_eq!(median(&[matched.clone(), empty.clone()]), None);
+        assert_eq!(median(&[empty.clone(), empty.clone()]), None);
+        // One that has features found none in an empty image.
+        let counted = pair([80, 40, 30, 30]);
+        assert_eq!(median(&[counted.clone(), empty.clone()]), Some(20.0));
+        assert_eq!(median(&[counted, matched, empty]), Some(20.0));
     }
 
     #[test]

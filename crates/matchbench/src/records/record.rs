@@ -235,9 +235,15 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Whether the numbers of features are known: matches that come from outside may come without.
+    /// Whether any feature is counted. A matcher that never counts one has none: matches that come from outside may come
+    /// without features.
+    pub fn counts_features(&self) -> bool {
+        self.features_a > 0 || self.features_b > 0
+    }
+
+    /// Whether the numbers of features are known, of a pair of a matcher that has features.
     pub fn has_features(&self) -> bool {
-        self.selected == 0 || self.features_a > 0 || self.features_b > 0
+        self.selected == 0 || self.counts_features()
     }
 }
 
