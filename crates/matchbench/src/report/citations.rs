@@ -128,9 +128,7 @@ fn bibtex(citation: &Citation) -> String {
     };
     let mut text = format!("@{kind}{{{},\n", citation.key);
     let mut line = |name: &str, value: &str| {
-        // Braces and line ends would end the value.
-        let plain = value.replace(['{', '}'], "").replace(char::is_control, " ");
-        let _ = writeln!(text, "  {name} = {{{plain}}},");
+        let _ = writeln!(text, "  {name} = {{{}}},", whole(value));
     };
     line("author", &citation.authors.join(" and "));
     line("title", &citation.title);
@@ -149,6 +147,11 @@ fn bibtex(citation: &Citation) -> String {
     line("year", &citation.year);
     text.push_str("}\n\n");
     text
+}
+
+/// A value of an entry without what would end it: braces and line ends.
+fn whole(value: &str) -> String {
+    value.replace(['{', '}'], "").replace(char::is_control, " ")
 }
 
 /// Every paper that took part, each once, in the order of their keys, after the benchmark (which has poses alone) and
@@ -182,7 +185,7 @@ pub(super) fn render(content: &Content) -> String {
         "@misc{{{TOOL},\n  author = {{{{{}}}}},\n  title = {{{{{TITLE}}}}},\n  note = {{Version {}}},\n  \
          year = {{{YEAR}}},\n  url = {{{}}},\n}}\n",
         env!("CARGO_PKG_AUTHORS"),
-        env!("CARGO_PKG_VERSION"),
+        whole(&content.version()),
         env!("CARGO_PKG_REPOSITORY"),
     );
     text.extend(papers.values().map(bibtex));

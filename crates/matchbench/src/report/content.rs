@@ -11,6 +11,8 @@ use crate::records::{Plan, RunFolder};
 
 use super::{DatasetFacts, Format, Lacking, PairView, render, render_with_intervals};
 
+/// The version of this program.
+pub(super) const THIS_VERSION: &str = env!("CARGO_PKG_VERSION");
 /// The name of a fact that says which parameter was tuned, and on what.
 pub(super) const TUNED: &str = "tuned parameter";
 
@@ -126,6 +128,12 @@ impl Content {
     pub(super) fn plan(&self) -> Option<Plan> {
         let plan: Plan = serde_json::from_str(self.facts.plan.as_deref()?).ok()?;
         Some(plan.modernized())
+    }
+
+    /// The version of matchbench that the results are of: the one that did the run, or, of results of other programs, this one,
+    /// which scores them.
+    pub(super) fn version(&self) -> String {
+        (self.plan()).map_or_else(|| THIS_VERSION.to_owned(), |plan| plan.version)
     }
 }
 

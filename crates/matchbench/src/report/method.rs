@@ -11,7 +11,7 @@ use crate::records::{MatcherPlan, Plan};
 
 use super::citations::{BENCHMARK, CORNER_AUC, CORNER_ERROR, INTERVALS, TOOL, citations};
 use super::command_line::Origin;
-use super::content::{Content, TUNED};
+use super::content::{Content, THIS_VERSION, TUNED};
 use super::dataset_facts::DatasetFacts;
 use super::latex;
 use super::markdown;
@@ -142,7 +142,7 @@ fn task(content: &Content, paragraph: &mut Paragraph) {
         [false, true] => "the homographies they lead to",
         [_, false] => "",
     };
-    let version = env!("CARGO_PKG_VERSION");
+    let version = content.version();
     paragraph.say(format!("{homographies}, with matchbench {version}"));
     paragraph.cite_key(TOOL);
 }
@@ -363,7 +363,14 @@ fn random_choices(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragr
             ));
         }
     }
-    paragraph.say(" Parameters are the defaults of this version where none are named.");
+    // The plan has every parameter. Those are named that the program which writes this would choose otherwise.
+    let whose = match plan {
+        Some(plan) if plan.version != THIS_VERSION => format!("matchbench {THIS_VERSION}"),
+        _ => "this version".to_owned(),
+    };
+    paragraph.say(format!(
+        " Parameters are the defaults of {whose} where none are named."
+    ));
     for (name, fact) in &content.facts.facts {
         if name == TUNED {
             paragraph.say(format!(" {fact}."));
@@ -438,6 +445,26 @@ mod tests {
         content.facts.facts = vec![("seed".into(), "7".into()), (TUNED.into(), chosen)];
         let text = plain(&content);
         assert!(said.iter().all(|said| text.contains(said)), "{text}");
+    }
+
+    #[test]
+    fn the_version_is_that_of_the_run() {
+        let mut content = content(&[("room", "sift", 6)]);
+        let bib = super::super::citations::render;
+        let said = |version: &str| format!("with matchbench {version} [@{TOOL}]");
+        let noted = |version: &str| format!("note = {{Version {version}}}");
+        assert!(markdown(&content).contains(&said(THIS_VERSION)));
+        assert!(bib(&content).contains(&noted(THIS_VERSION)));
+        let settings = r#"{"seed": 7, "repetitions": 1, "limit": null}"#;
+        content.facts.plan = Some(format!(
+            r#"{{"version": "0.0.9}}", "settings": {settings}, "datasets": [], "matchers": []}}"#
+        ));
+        let text = markdown(&content);
+        assert!(text.contains(&said("0.0.9}")), "{text}");
+        // Those are left out that this program has as defaults.
+        let defaults = format!("defaults of matchbench {THIS_VERSION} where none");
+        assert!(text.contains(&defaults), "{text}");
+        assert!(bib(&content).contains(&noted("0.0.9")));
     }
 
     #[test]
