@@ -22,6 +22,13 @@ pub(super) const FAILURES: [Failure; 5] = [
     Failure::Missing,
 ];
 
+/// What is said where a method of an unfinished run has no record of a pair that others have, in a word or two and in a
+/// sentence: the pair has not failed.
+pub(super) const NOT_RECORDED: [&str; 2] = [
+    "not recorded",
+    "Others have this pair; the run has not recorded it with this method yet, so it has not failed.",
+];
+
 /// A failure in a word or two.
 pub(super) fn name(failure: Failure) -> &'static str {
     match failure {

@@ -1,6 +1,6 @@
 //! The list of pairs as data for the script of the page: columns of small numbers, and pictures of a sample.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -14,7 +14,7 @@ use super::super::content::Content;
 use super::super::figures::is_measured;
 use super::super::file_names::file_names;
 use super::super::overview::Overview;
-use super::super::pair_words::{FAILURES, name, reason};
+use super::super::pair_words::{FAILURES, NOT_RECORDED, name, reason};
 use super::super::svg::{DISTANCES, Target, data_url, pair};
 use super::Extent;
 
@@ -27,10 +27,10 @@ const MAX_MATCHES: usize = 80;
 #[derive(Serialize)]
 struct Data<'a> {
     datasets: Vec<Listed<'a>>,
-    /// Short names of the failures, in the order of their numbers.
-    failures: [&'static str; FAILURES.len()],
+    /// Short names of the failures, in the order of their numbers, and last that a pair is not recorded.
+    failures: Vec<&'static str>,
     /// Sentences for them, under each protocol.
-    reasons: Vec<[String; FAILURES.len()]>,
+    reasons: Vec<Vec<String>>,
     /// Colours and names of the distances to the true epipolar line.
     distances: [(&'static str, &'static str); 4],
     /// Images as data URLs.
@@ -81,7 +81,7 @@ struct Method<'a> {
     correspondences: Vec<i64>,
     /// The same.
     selected: Vec<i64>,
-    /// -1 if there is an estimate, else the number of the failure.
+    /// -1 if there is an estimate, else the number of the failure; the one after them if the pair is not recorded.
     failure: Vec<i8>,
     /// Pictures, by the number of the pair.
     pictures: BTreeMap<usize, Picture>,
@@ -102,8 +102,17 @@ struct Picture {
 
 /// JSON that can stand in a `script` element.
 pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) -> String {
-    let total: usize = content.results.iter().map(|set| set.pairs.len()).sum();
-    let share = (extent.results as f64 / total.max(1) as f64).min(1.0);
+    let keys: Vec<Vec<Key>> = (overview.datasets.iter())
+        .map(|dataset| keys_of(content, dataset))
+        .collect();
+    let results = keys.iter().zip(&overview.datasets).map(|(keys, dataset)| {
+        let sets = content
+            .results
+            .iter()
+            .filter(|set| set.dataset == **dataset);
+        keys.len() * sets.count()
+    });
+    let share = (extent.results as f64 / results.sum::<usize>().max(1) as f64).min(1.0);
     let mut images = Images::default();
     let budget = extent.pictures / overview.datasets.len().max(1);
     let datasets = (overview
@@ -112,7 +121,10 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) 
         .zip(file_names(&overview.datasets))
         .enumerate())
     .map(|(column, (dataset, folder))| {
-        let mut listed = listed(content, overview, (column, dataset), share);
+        let count = (keys[column].len() as f64 * share).ceil() as usize;
+        let (some, others) = keys[column].split_at(count);
+        let mut listed = listed(content, overview, (column, dataset), some);
+        listed.left_out = others.len();
         listed.folder = format!("pairs/{folder}");
         if budget > 0 {
             listed.add_pictures(content, budget, &mut images);
@@ -125,9 +137,19 @@ pub(super) fn data(content: &Content, overview: &Overview<'_>, extent: &Extent) 
     .collect();
     let data = Data {
         datasets,
-        failures: FAILURES.map(name),
+        failures: FAILURES
+            .map(name)
+            .into_iter()
+            .chain([NOT_RECORDED[0]])
+            .collect(),
         reasons: (PROTOCOLS.iter())
-            .map(|protocol| FAILURES.map(|failure| reason(failure, protocol)))
+            .map(|protocol| {
+                let reasons = FAILURES.map(|failure| reason(failure, protocol));
+                reasons
+                    .into_iter()
+                    .chain([NOT_RECORDED[1].to_owned()])
+                    .collect()
+            })
             .collect(),
         distances: DISTANCES,
         images: images.urls,
@@ -162,26 +184,36 @@ impl Images {
     }
 }
 
+/// The pairs of a dataset that any method has: in the order that all methods have, or, where some lack pairs that others have,
+/// by their numbers.
+fn keys_of(content: &Content, dataset: &str) -> Vec<Key> {
+    let sets = || content.results.iter().filter(|set| set.dataset == dataset);
+    let keys = |set: &ResultSet| -> Vec<Key> { set.pairs.iter().map(key).collect() };
+    let first = sets().next().map_or_else(Vec::new, keys);
+    // Millions of pairs are not sorted where none is lacking.
+    if sets().all(|set| set.pairs.iter().map(key).eq(first.iter().copied())) {
+        return first;
+    }
+    let all: BTreeSet<Key> = sets().flat_map(keys).collect();
+    all.into_iter().collect()
+}
+
+/// The pairs with these `keys`, with all methods of the dataset.
 fn listed<'a>(
     content: &'a Content,
     overview: &'a Overview<'_>,
     (column, dataset): (usize, &'a str),
-    share: f64,
+    keys: &[Key],
 ) -> Listed<'a> {
     let mut listed = Listed {
         name: dataset,
         ..Listed::default()
     };
     let sets = || content.results.iter().filter(|set| set.dataset == dataset);
-    let Some(first) = sets().next() else {
-        return listed;
-    };
-    let count = (first.pairs.len() as f64 * share).ceil() as usize;
-    listed.left_out = first.pairs.len() - count;
-    let keys: Vec<_> = first.pairs[..count].iter().map(key).collect();
+    let count = keys.len();
     let plan = content.plan();
     let geometry = content.geometry.get(dataset);
-    for &(a, b, repetition) in &keys {
+    for &(a, b, repetition) in keys {
         listed.a.push(a);
         listed.b.push(b);
         listed.repetition.push(repetition);
@@ -223,9 +255,8 @@ fn listed<'a>(
             failure: Vec::with_capacity(count),
             pictures: BTreeMap::new(),
         };
-        // All sets of a dataset list the same pairs; if one did not, its pairs would be shown as missing.
         let results: BTreeMap<_, _> = set.pairs.iter().map(|pair| (key(pair), pair)).collect();
-        for key in &keys {
+        for key in keys {
             method.push(results.get(key).copied());
         }
         listed.methods.push(method);
@@ -284,6 +315,7 @@ impl Listed<'_> {
 }
 
 impl Method<'_> {
+    /// Adds its result of the next pair, or that there is none.
     fn push(&mut self, pair: Option<&PairResult>) {
         let hundredths = |error: Option<f64>| error.map_or(-1, |e| (e * 100.0).round() as i32);
         let angle = |angle| hundredths(pair.and_then(|pair| pair.error(angle)));
@@ -298,10 +330,11 @@ impl Method<'_> {
         let counts = pair.and_then(|pair| pair.counts);
         self.selected
             .push(counted(counts.map(|counts| counts.selected)));
-        let failure = pair.map_or(Some(crate::metrics::Failure::Missing), |pair| {
-            pair.outcome.err()
-        });
-        let number = failure.and_then(|failure| FAILURES.iter().position(|&f| f == failure));
+        let number = match pair.map(|pair| pair.outcome) {
+            None => Some(FAILURES.len()),
+            Some(outcome) => (outcome.err())
+                .and_then(|failure| FAILURES.iter().position(|&other| other == failure)),
+        };
         self.failure.push(number.map_or(-1, |number| number as i8));
     }
 }
@@ -314,7 +347,10 @@ fn shown(plan: &Plan, set: &ResultSet) -> Option<[String; 2]> {
     show(plan, dataset, (matcher, estimator))
 }
 
-fn key(pair: &PairResult) -> (u32, u32, u32) {
+/// Both frames of a pair, and its repetition.
+type Key = (u32, u32, u32);
+
+fn key(pair: &PairResult) -> Key {
     (pair.a, pair.b, pair.repetition)
 }
 
@@ -358,5 +394,46 @@ mod tests {
         assert_eq!(correspondences[0], -1);
         assert!(correspondences[1].as_i64() > Some(0), "{correspondences}");
         assert_eq!(correspondences[9], 0);
+    }
+
+    #[test]
+    fn pairs_that_any_method_has_are_listed_and_not_recorded_is_no_failure() {
+        let mut content = content(&[("room", "sift", 6), ("room", "orb", 2)]);
+        // Both were stopped, the second one later.
+        content.results[0].pairs.drain(2..9);
+        content.results[1].pairs.remove(9);
+        let overview = Overview::new(&content.summaries);
+        let value = |extent: &Extent| -> serde_json::Value {
+            let text = data(&content, &overview, extent);
+            serde_json::from_str(&text).expect("it is JSON")
+        };
+        let whole = value(&Extent::default());
+        let listed = &whole["datasets"][0];
+        assert_eq!(
+            listed["a"],
+            serde_json::json!([0, 1, 2, 3, 4, 5, 6, 7, 8, 9])
+        );
+        assert_eq!(listed["left_out"], 0);
+        let none = FAILURES.len();
+        assert_eq!(whole["failures"][none], "not recorded");
+        for protocol in 0..PROTOCOLS.len() {
+            let reason = whole["reasons"][protocol][none].as_str();
+            assert!(reason.is_some_and(|reason| reason.contains("has not failed")));
+        }
+        let failures = |method: usize| &listed["methods"][method]["failure"];
+        assert_eq!(failures(0)[0], -1);
+        for pair in 2..9 {
+            assert_eq!(failures(0)[pair], none);
+            assert_ne!(failures(1)[pair], none);
+        }
+        assert_eq!([&failures(0)[9], &failures(1)[9]], [1, none]);
+        assert_eq!(listed["methods"][0]["rotation"][4], -1);
+        // Half of the results of two methods.
+        let half = value(&Extent {
+            results: 10,
+            ..Extent::default()
+        });
+        assert_eq!(half["datasets"][0]["a"].as_array().map(Vec::len), Some(5));
+        assert_eq!(half["datasets"][0]["left_out"], 5);
     }
 }
