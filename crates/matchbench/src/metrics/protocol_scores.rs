@@ -205,8 +205,14 @@ fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<S
             let (theirs, ours) = (made.unit_in_words(), protocol.unit_in_words());
             found.push(format!("thresholds were in {theirs}, not in {ours}"));
         }
-        if made.centres != protocol.centres && protocol.centres == Centres::Scaled {
-            found.push("points were kept where they are when sizes change".to_owned());
+        if made.centres != protocol.centres {
+            let how = match protocol.centres {
+                Centres::Scaled => "points were kept where they are when sizes change",
+                Centres::Kept => {
+                    "points were multiplied by the ratio when sizes change, not kept where they are"
+                }
+            };
+            found.push(how.to_owned());
         }
         let [theirs, ours] = [made, protocol].map(Protocol::least_in_words);
         if theirs != ours {
@@ -496,6 +502,30 @@ mod tests {
         let theirs = |params: &Value| json!({"id": "ransac-e-inliers@superglue", "variant_of": "ransac-e-inliers", "params": params});
         let under = plan(theirs(&params), json!({"size": "640x480"}));
         assert_eq!(score(&results, Some(&under), &SUPERGLUE).otherwise, [""; 0]);
+        // Each of the two moves points, or keeps them, and the other does not.
+        for (results, plan, protocol, said) in [
+            (
+                &set("ransac-e", &[&[1.0]]),
+                &ours,
+                &SUPERGLUE,
+                "points were kept where they are",
+            ),
+            (
+                &results,
+                &under,
+                &ROMA,
+                "points were multiplied by the ratio",
+            ),
+            (
+                &results,
+                &under,
+                &MATCHBENCH,
+                "points were multiplied by the ratio",
+            ),
+        ] {
+            let otherwise = score(results, Some(plan), protocol).otherwise.join("; ");
+            assert!(otherwise.contains(said), "{}: {otherwise}", protocol.id);
+        }
         params["threshold_px"] = json!(2.0);
         let under = plan(theirs(&params), json!({"size": "640x480"}));
         let said = score(&results, Some(&under), &SUPERGLUE).otherwise;
