@@ -14,7 +14,7 @@ use super::{Model, PairResult, ResultSet, Score, ScoreKind, score_kind};
 use crate::counted::counted;
 use crate::estimators;
 use crate::matchers::SIZES;
-use crate::protocols::{self, Centres, EstimatorRule, Protocol, SizeRule};
+use crate::protocols::{self, Centres, EstimatorRule, PROTOCOLS, Protocol, SizeRule};
 use crate::records::{EstimatorPlan, MatcherPlan, Plan};
 
 /// One set of results by the scores of a protocol.
@@ -58,22 +58,23 @@ impl ProtocolScore {
 }
 
 /// Scores the `sets` by each of the protocols `asked`: those that were made under it, or, where none was, all of
-/// them. With `plan`, that of their run, they also say what it did otherwise. Of several datasets the mean comes last,
-/// for each method and protocol.
+/// them. But if all protocols are asked for, sets that were made under several are scored by these alone. With `plan`, that
+/// of their run, they also say what it did otherwise. Of several datasets the mean comes last, for each method and protocol.
 pub fn under_protocols(
     sets: &[ResultSet],
     plan: Option<&Plan>,
     asked: &[&'static Protocol],
 ) -> Vec<ProtocolScores> {
     let made_under = |set: &ResultSet| protocols::of_estimator(&set.estimator);
-    // A run under several protocols is not scored by those that it was not made under.
+    let is_asked = |protocol: &Protocol| asked.iter().any(|asked| asked.id == protocol.id);
+    let are_all = PROTOCOLS.iter().all(|protocol| is_asked(protocol));
     let is_under_others = sets.iter().any(|set| !made_under(set).is_ours());
     let mut all = Vec::new();
     for &protocol in asked {
         let own = || sets.iter().filter(|set| made_under(set).id == protocol.id);
         if own().next().is_some() {
             all.extend(own().map(|set| score(set, plan, protocol)));
-        } else if asked.len() == 1 || !is_under_others {
+        } else if !(are_all && is_under_others) {
             all.extend(sets.iter().map(|set| score(set, plan, protocol)));
         }
     }
@@ -292,7 +293,7 @@ mod tests {
     use super::super::pair_result::tests::solved;
     use super::super::{SCORES, exact_auc};
     use super::*;
-    use crate::protocols::{MATCHBENCH, PROTOCOLS, ROMA, SUPERGLUE};
+    use crate::protocols::{IMC, MATCHBENCH, ROMA, SUPERGLUE};
 
     fn set(estimator: &str, errors: &[&[f64]]) -> ResultSet {
         let pairs = (0..).zip(errors).flat_map(|(repetition, errors)| {
@@ -399,6 +400,16 @@ mod tests {
         // Poses of one run under all definitions.
         assert_eq!(ids(&sets[1..], PROTOCOLS).len(), PROTOCOLS.len());
         assert_eq!(ids(&sets, &[&ROMA]).len(), 2);
+        // Several that are named are scored as each alone.
+        for named in [
+            [&SUPERGLUE, &ROMA],
+            [&ROMA, &IMC],
+            [&MATCHBENCH, &SUPERGLUE],
+        ] {
+            let each = named.map(|protocol| ids(&sets, &[protocol])).concat();
+            assert_eq!(ids(&sets, &named), each);
+        }
+        assert_eq!(ids(&sets[..1], &[&ROMA, &IMC]).len(), 2);
     }
 
     #[test]
