@@ -59,7 +59,8 @@ impl ProtocolScore {
 
 /// Scores the `sets` by each of the protocols `asked`: those that were made under it, or, where none was, all of
 /// them. But if all protocols are asked for, sets that were made under several are scored by these alone. With `plan`, that
-/// of their run, they also say what it did otherwise. Of several datasets the mean comes last, for each method and protocol.
+/// of their run, they also say what it did otherwise. Of several datasets the mean comes last, for each method and protocol;
+/// one that [lacks](ResultSet::lacking) results has none.
 pub fn under_protocols(
     sets: &[ResultSet],
     plan: Option<&Plan>,
@@ -78,7 +79,7 @@ pub fn under_protocols(
             all.extend(sets.iter().map(|set| score(set, plan, protocol)));
         }
     }
-    let means = means(&all);
+    let means = means(&all, sets);
     all.extend(means);
     all
 }
@@ -131,8 +132,14 @@ fn groups(set: &ResultSet, pooled: u32) -> Vec<Vec<PairResult>> {
     groups
 }
 
-/// The mean over datasets of each method under each protocol that has several.
-fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
+/// The mean over datasets of each method under each protocol that has several. A method that lacks results on one of them
+/// is not compared with others, so its mean is unknown.
+fn means(all: &[ProtocolScores], results: &[ResultSet]) -> Vec<ProtocolScores> {
+    let lacking: BTreeSet<[&str; 3]> = (results.iter().filter(|set| set.lacking > 0))
+        .map(|set| [&*set.dataset, &*set.matcher, &*set.estimator])
+        .collect();
+    let lacks =
+        |one: &ProtocolScores| lacking.contains(&[&*one.dataset, &*one.matcher, &*one.estimator]);
     // In the order in which they come first.
     let mut places = BTreeMap::new();
     let mut methods = Vec::<Vec<&ProtocolScores>>::new();
@@ -146,12 +153,20 @@ fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
     }
     let several = methods.into_iter().filter(|sets| sets.len() > 1);
     let mean_of = |sets: Vec<&ProtocolScores>| {
+        let unfinished: Vec<&str> = (sets.iter().filter(|one| lacks(one)))
+            .map(|one| &*one.dataset)
+            .collect();
+        let is_known = unfinished.is_empty();
+        let unfinished = (!is_known).then(|| {
+            let names = unfinished.join(", ");
+            format!("it lacks results of {names} that others have, so it has no mean")
+        });
         let scores = (0..sets[0].scores.len()).map(|i| {
             let values = sets.iter().map(|set| set.scores[i].score.value);
             let values: Option<Vec<f64>> = values.collect();
             ProtocolScore {
                 score: Score {
-                    value: values.map(|values| mean(&values)),
+                    value: values.filter(|_| is_known).map(|values| mean(&values)),
                     interval: None,
                 },
                 deviation: None,
@@ -163,7 +178,7 @@ fn means(all: &[ProtocolScores]) -> Vec<ProtocolScores> {
             pairs: sets.iter().map(|set| set.pairs).sum(),
             failed: sets.iter().map(|set| set.failed).sum(),
             scores: scores.collect(),
-            otherwise: alone(&sets, all).into_iter().collect(),
+            otherwise: alone(&sets, all).into_iter().chain(unfinished).collect(),
             ..sets[0].clone()
         }
     };
@@ -475,6 +490,32 @@ mod tests {
                 "its mean is over attic, room alone"
             ]
         );
+    }
+
+    #[test]
+    fn a_method_that_lacks_results_has_no_mean() {
+        let mut sets: Vec<ResultSet> = ["room", "hall"]
+            .into_iter()
+            .flat_map(|dataset| ["sift", "orb"].map(|matcher| (dataset, matcher)))
+            .map(|(dataset, matcher)| ResultSet {
+                dataset: dataset.into(),
+                matcher: matcher.into(),
+                ..set("ransac-e", &[&[0.5, 0.5]])
+            })
+            .collect();
+        sets[3].pairs.pop();
+        sets[3].lacking = 1;
+        let scores = under_protocols(&sets, None, &[&MATCHBENCH]);
+        let means: Vec<_> = (scores.iter().filter(|one| one.dataset == "mean"))
+            .map(|one| (&*one.matcher, one.scores[0].score.value, &one.otherwise[..]))
+            .collect();
+        let why = ["it lacks results of hall that others have, so it has no mean".to_owned()];
+        assert_eq!(
+            means,
+            [("sift", Some(1.0), &[][..]), ("orb", None, &why[..])]
+        );
+        // On the dataset it has the score of what is recorded.
+        assert_eq!(scores[3].scores[0].score.value, Some(1.0));
     }
 
     #[test]

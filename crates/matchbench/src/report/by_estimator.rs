@@ -8,7 +8,7 @@ use crate::metrics::{Model, Summary};
 use super::svg::{Target, heat_map};
 
 /// AUC of matchers by the estimators of one model, on one dataset or the mean over all datasets, of those that were
-/// run on all of them. `None` if there is only one estimator, or no AUC.
+/// run on all of them and lack no results of any. `None` if there is only one estimator, or no AUC.
 pub(super) fn estimator_figure(
     summaries: &[Summary],
     dataset: Option<&str>,
@@ -37,7 +37,8 @@ pub(super) fn estimator_figure(
             let of = |s: &&Summary| {
                 s.dataset == **name && s.matcher == matcher && s.estimator == estimator
             };
-            of_model().find(of)?.auc().value
+            let is_compared = |s: &&Summary| dataset.is_some() || s.lacking == 0;
+            of_model().find(of).filter(is_compared)?.auc().value
         };
         let values: Option<Vec<f64>> = datasets.iter().map(on).collect();
         values.map(|values| values.iter().sum::<f64>() / values.len() as f64)
@@ -87,6 +88,11 @@ mod tests {
         };
         let svg = figure(&summaries, None).expect("two estimators");
         assert!(svg.contains("0.600") && !svg.contains("0.900"), "{svg}");
+        // What one lacks on a dataset is not in a mean, but the dataset shows what it has.
+        summaries[1].lacking = 2;
+        assert!(figure(&summaries, None).is_none());
+        let svg = figure(&summaries, Some("room")).expect("it has some results");
+        assert!(svg.contains("0.500"), "{svg}");
         summaries.remove(1);
         summaries.push(by("room", "orb", 5, "best"));
         assert!(figure(&summaries, None).is_none());

@@ -196,6 +196,7 @@ pub(super) fn time_figure(
                 model: summary.model,
                 seconds: seconds_for_a_pair(content, summary)?,
                 auc: summary.auc(),
+                is_compared: summary.lacking == 0,
             })
         })
         .collect();

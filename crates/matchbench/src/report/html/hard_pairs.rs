@@ -21,13 +21,17 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
             .filter(|view| view.dataset == *dataset)
             .map(|view| view.frames)
             .collect();
+        // Those that lack results of others are not compared with them.
+        let whole: Vec<&ResultSet> = (sets.iter().copied())
+            .filter(|set| set.lacking == 0)
+            .collect();
         for hard in hard_pairs(&sets, content.geometry.get(*dataset)) {
-            let right: Vec<[Option<f64>; 2]> = sets.iter().map(|set| hard.right(set)).collect();
+            let right: Vec<[Option<f64>; 2]> = whole.iter().map(|set| hard.right(set)).collect();
             let mean = |side: usize| {
                 let values: Vec<f64> = right.iter().filter_map(|right| right[side]).collect();
                 (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
             };
-            let best = (sets.iter().zip(&right))
+            let best = (whole.iter().zip(&right))
                 .filter_map(|(set, right)| Some((set, right[0]?)))
                 .rev()
                 .max_by(|(_, one), (_, other)| one.total_cmp(other));
@@ -51,4 +55,34 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
         }
     }
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::tests::content;
+    use super::*;
+    use crate::metrics::PairGeometry;
+
+    #[test]
+    fn a_method_that_lacks_results_is_best_of_nothing() {
+        let mut content = content(&[("room", "sift", 2), ("room", "orb", 4)]);
+        let wide = PairGeometry {
+            baseline: Some(1.0),
+            view_angle: Some(40.0),
+            overlap: 0.9,
+            is_measured: false,
+        };
+        let pairs = (0..6).map(|a| ((a, a + 1), wide));
+        content.geometry.insert("room".into(), pairs.collect());
+        let shown = |content: &Content| {
+            let rows = rows(content, &Overview::new(&content.summaries), true);
+            ["best", "inside"].map(|name| {
+                let value = rows[0].get_attr(name);
+                value.expect("a column of the table").to_string()
+            })
+        };
+        assert_eq!(shown(&content), ["orb + ransac-e (0.667)", "0.500"]);
+        content.results[1].lacking = 1;
+        assert_eq!(shown(&content), ["sift + ransac-e (0.333)", "0.333"]);
+    }
 }

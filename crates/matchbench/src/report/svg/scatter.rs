@@ -27,10 +27,12 @@ pub(in super::super) struct Dot<'a> {
     /// Seconds for a pair.
     pub(in super::super) seconds: f64,
     pub(in super::super) auc: Score,
+    /// Whether it has all results that others have; else its AUC is not compared with theirs.
+    pub(in super::super) is_compared: bool,
 }
 
 /// AUC over the time for a pair, on a logarithmic axis. The dashed line joins the methods for which no other is
-/// both faster and better. Poses and homographies have lines of their own.
+/// both faster and better, of those that are compared. Poses and homographies have lines of their own.
 pub(in super::super) fn scatter(target: Target, title: &str, dots: &[Dot<'_>]) -> String {
     let top = match target {
         Target::File => 34.0,
@@ -177,13 +179,13 @@ fn range(dots: &[(&Dot<'_>, f64)]) -> (f64, f64, f64) {
 }
 
 /// The dots of one kind of model for which no other dot of this kind is both faster and better, the fastest
-/// first.
+/// first; of those that are compared.
 fn front<'d, 'a>(
     dots: &[(&'d Dot<'a>, f64)],
     model: Model,
 ) -> impl Iterator<Item = (&'d Dot<'a>, f64)> {
     let mut sorted = dots.to_vec();
-    sorted.retain(|(dot, _)| dot.model == model);
+    sorted.retain(|(dot, _)| dot.model == model && dot.is_compared);
     sorted.sort_by(|(one, better), (other, worse)| {
         one.seconds
             .total_cmp(&other.seconds)
@@ -225,6 +227,7 @@ mod tests {
                 value: auc,
                 interval: None,
             },
+            is_compared: true,
         }
     }
 
@@ -254,6 +257,10 @@ mod tests {
             Dot {
                 model: Model::Homography,
                 ..dot("another question", 0.3, Some(0.9))
+            },
+            Dot {
+                is_compared: false,
+                ..dot("not finished", 0.05, Some(0.9))
             },
         ];
         let svg = scatter(Target::Page, "room", &dots);
