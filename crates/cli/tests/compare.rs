@@ -283,9 +283,14 @@ fn a_run_that_is_not_finished_is_compared_with_a_warning() {
         "{table}"
     );
     for (format, comment) in [("latex", "%"), ("markdown", ">")] {
-        let table = succeeds(folder, &["eval", "both", "--format", format]);
-        let note = format!("{comment} This run is not finished: 4 of 12 planned results");
-        assert!(table.starts_with(&note), "{table}");
+        let eval = ["eval", "both", "--format", format];
+        let by_protocol = [&eval[..], &["--protocol", "imc"]].concat();
+        let with_intervals = [&by_protocol[..], &["--intervals"]].concat();
+        for eval in [&eval[..], &by_protocol, &with_intervals] {
+            let table = succeeds(folder, eval);
+            let note = format!("{comment} This run is not finished: 4 of 12 planned results");
+            assert!(table.starts_with(&note), "{eval:?}: {table}");
+        }
     }
 }
 

@@ -113,10 +113,18 @@ fn with_intervals(args: &EvalArgs, content: &Content) -> Result<String> {
 /// The scores by evaluation protocols.
 fn by_protocols(args: &EvalArgs) -> Result<String> {
     let asked = protocols::find_all(&args.protocol)?;
+    let mut content = Content::default();
     let (sets, run) = match (&args.errors, &args.results) {
         (Some(errors), _) => (load_errors(errors)?, None),
         (None, Some(results)) => {
-            let Loaded { sets, run, .. } = loaded(&args.scored, results)?;
+            let Loaded {
+                sets,
+                run,
+                unfinished,
+            } = loaded(&args.scored, results)?;
+            if let Some(run) = &run {
+                content.take_lacking(run, unfinished);
+            }
             (sets, run)
         }
         (None, None) => unreachable!("one of the two is required"),
@@ -124,13 +132,14 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     let plan = run.as_ref().map(RunFolder::plan);
     let scores = under_protocols(&sets, plan, &asked);
     let format = args.format.into();
-    if args.intervals {
+    let table = if args.intervals {
         render_protocols_with_intervals(format, &scores).context(
             "--intervals is for --format table, markdown and latex of protocols; csv and json have intervals without it",
-        )
+        )?
     } else {
-        Ok(render_protocols(format, &scores))
-    }
+        render_protocols(format, &scores)
+    };
+    Ok(content.noted(format, table))
 }
 
 /// Warns of tables of errors in which an opposite direction counts as right, since the paper's scores know the sign.

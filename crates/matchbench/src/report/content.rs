@@ -99,8 +99,8 @@ impl Content {
         Some(self.noted(format, table))
     }
 
-    /// A table, with a note above it if the run is not finished.
-    pub(super) fn noted(&self, format: Format, table: String) -> String {
+    /// A table of its results in this format; with a note above tables for papers and pages if the run is not finished.
+    pub fn noted(&self, format: Format, table: String) -> String {
         match &self.lacking {
             Some(lacking) => lacking.above(format, table),
             None => table,
