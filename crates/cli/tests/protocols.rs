@@ -138,6 +138,29 @@ fn one_protocol_decides_on_size_and_estimator_unless_told_otherwise() {
 }
 
 #[test]
+fn that_signs_are_lost_is_told_where_a_score_knows_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let table = format!("R_errs t_errs\n{}", "1 40\n".repeat(10));
+    fs::create_dir(folder.path().join("zeb")).expect("writable");
+    fs::write(folder.path().join("zeb/wall.txt"), table).expect("writable");
+    let eval = ["eval", "--errors", "zeb"];
+    for (protocol, is_warned) in [
+        (&[][..], true),
+        (&["--protocol", "matchbench,zeb"], true),
+        (&["--protocol", "all"], true),
+        (&["--protocol", "zeb,superglue,imc"], false),
+    ] {
+        let mut command = matchbench();
+        let command = command.args([&eval[..], protocol].concat());
+        let output = command.current_dir(folder.path()).output();
+        let said = output.expect("the program starts").stderr;
+        let said = String::from_utf8(said).expect("text");
+        let warning = "warning: wall: many poses are wrong, but no direction by more than 90";
+        assert_eq!(said.starts_with(warning), is_warned, "{protocol:?}: {said}");
+    }
+}
+
+#[test]
 fn of_homographies_no_scores_of_protocols_are_promised() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3);

@@ -115,7 +115,14 @@ fn by_protocols(args: &EvalArgs) -> Result<String> {
     let asked = protocols::find_all(&args.protocol)?;
     let mut content = Content::default();
     let (sets, run) = match (&args.errors, &args.results) {
-        (Some(errors), _) => (load_errors(errors)?, None),
+        (Some(errors), _) => {
+            let sets = load_errors(errors)?;
+            // The scores of all other protocols take an opposite direction as right.
+            if asked.iter().any(|protocol| protocol.is_ours()) {
+                warn_of_lost_signs(&sets);
+            }
+            (sets, None)
+        }
         (None, Some(results)) => {
             let Loaded {
                 sets,

@@ -157,7 +157,8 @@ const WRONG_POSES: usize = 10;
 const WRONG_DEG: f64 = 20.0;
 
 /// Whether the errors of translations look as if an opposite direction counted as right: many poses are wrong, and none
-/// has an error above 90 degrees. The scores that use the sign (AUC, SP, those of translations) are then too high.
+/// has an error above 90 degrees. The scores that use the sign (AUC, SP, those of translations) are then too high. A table of
+/// pose errors alone does not tell: each may be that of a rotation.
 pub fn is_without_sign(set: &ResultSet) -> bool {
     let translations = set.pairs.iter().filter_map(|pair| match pair.outcome {
         Ok(Deviation::Pose(error)) => error.translation,
