@@ -10,10 +10,11 @@ only describes images, while matchbench compares the descriptors.
                                                              for a manifest of kind = "features"
 
 `prepare(params)`, if there is one, loads whatever takes long, before the first pair is timed. `a`, `b` and `image` are
-`Image` objects. `image.gray(n)` and `image.rgb(n)` return its pixels, at most n wide and high. Points are in these pixels,
-with the centre of the first pixel at 0; `serve` converts them to the original image. Certainty is from 0 to 1, higher is
-better. Whatever a function prints goes to the log. If it raises an exception, this pair failed, with the exception as the
-reason. `params` are the values of the function `defaults`, changed by the manifest; unknown names are refused.
+`Image` objects. `image.gray(n)` and `image.rgb(n)` return its pixels, at most n wide and high; with `size=(width, height)`
+they are of exactly that size. Points are in these pixels, with the centre of the first pixel at 0; `serve` converts them to
+the original image. Certainty is from 0 to 1, higher is better. Whatever a function prints goes to the log. If it raises an
+exception, this pair failed, with the exception as the reason. `params` are the values of the function `defaults`, changed by
+the manifest; unknown names are refused.
 
 It needs numpy, and cv2 or PIL to read images. The documentation of matchbench describes the protocol.
 """
@@ -39,26 +40,31 @@ class Image:
     def __init__(self, path, size):
         self.path, self.size, self.scale = path, tuple(size), (1.0, 1.0)
 
-    def gray(self, max_size=None):
-        """Grey pixels, uint8, at most `max_size` wide and high."""
-        return self._shrink(_read(self.path, True), max_size)
+    def gray(self, max_size=None, size=None):
+        """Grey pixels, uint8, at most `max_size` wide and high, or of exactly `size`, which is width and height."""
+        return self._resized(_read(self.path, True), max_size, size)
 
-    def rgb(self, max_size=None):
-        """Red, green and blue pixels, uint8, at most `max_size` wide and high."""
-        return self._shrink(_read(self.path, False), max_size)
+    def rgb(self, max_size=None, size=None):
+        """Red, green and blue pixels, uint8, at most `max_size` wide and high, or of exactly `size`, width and height."""
+        return self._resized(_read(self.path, False), max_size, size)
 
     def original(self, points):
         """Converts points in the pixels that were asked for last to the original image."""
         points = np.asarray(points, np.float64).reshape(-1, 2)
         return (points + 0.5) * self.scale - 0.5
 
-    def _shrink(self, pixels, max_size):
+    def _resized(self, pixels, max_size, size):
         height, width = pixels.shape[:2]
         if (width, height) != self.size:
             raise ValueError(f"{self.path} is read as {width}x{height}, not {self.size}")
+        if max_size and size:
+            raise ValueError("`max_size` and `size` say two things of the same image; leave one out")
         factor = min(1.0, max_size / max(self.size)) if max_size else 1.0
-        new = [max(1, round(length * factor)) for length in (width, height)]
+        new = [max(1, round(length * factor)) for length in (size or self.size)]
         self.scale = (width / new[0], height / new[1])
+        if size:
+            between = _between(_between(pixels.astype(np.int32), new[1], 0), new[0], 1)
+            return ((between + (1 << 15)) >> 16).astype(np.uint8)
         if factor == 1.0:
             return pixels
         shrunk = _areas(_areas(pixels.astype(np.float32), new[1], 0), new[0], 1)
@@ -121,8 +127,12 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         image = Image(request["image"], request["size"])
         points, descriptors, *more = timed("extract", seconds, describe, image, params)
         more = {key: np.asarray(value, np.float32) for key, value in (more[0] if more else {}).items()}
+        across, down = image.scale
         if "scales" in more:
-            more["scales"] = more["scales"] * np.float32(image.scale[0])
+            more["scales"] = more["scales"] * np.float32(np.sqrt(across * down))
+        if "angles" in more and across != down:
+            x, y = np.cos(more["angles"]), np.sin(more["angles"])
+            more["angles"] = np.arctan2(np.float32(down) * y, np.float32(across) * x)
         points = image.original(points).astype("<f4")
         if len(points) == 0:  # OpenCV has None instead of descriptors; any length will do
             descriptors = np.zeros((0, 1), np.uint8)
@@ -185,6 +195,16 @@ def _read(path, gray):
     if pixels is None:
         raise ValueError(f"{path} cannot be read")
     return pixels if gray else np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def _between(pixels, count, axis):
+    """`count` values between `pixels` along `axis`, in 256ths: bilinear without smoothing, as OpenCV's INTER_LINEAR_EXACT and
+    matchbench's own matchers resample images to an exact size."""
+    length = pixels.shape[axis]
+    at = np.clip((np.arange(count) + 0.5) * (1.0 / (count / length)) - 0.5, 0.0, length - 1.0)
+    first = at.astype(np.int32)
+    weight = np.rint((at - first) * 256).astype(np.int32).reshape([-1 if i == axis else 1 for i in range(pixels.ndim)])
+    return (256 - weight) * pixels.take(first, axis) + weight * pixels.take(np.minimum(first + 1, length - 1), axis)
 
 
 def _areas(pixels, count, axis):

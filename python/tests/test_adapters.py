@@ -1,13 +1,16 @@
 """`adapters/matchbench_serve.py`: the protocol in Python, spoken with a matcher that misbehaves."""
 
+import importlib
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import matchbench as mb
 import numpy as np
+import pytest
 
 ADAPTERS = Path(__file__).parents[2] / "adapters"
 MATCHER = f"""
@@ -116,3 +119,24 @@ def test_an_image_without_features_has_no_matches_and_breaks_nothing(dataset: mb
         assert {each["features_b"] for each in counts} == {30}
         assert {each["features_a"] for each in counts} >= {0}
         assert all(each["selected"] == 0 for each in counts if each["features_a"] == 0)
+
+
+def test_an_image_of_an_exact_size_is_resampled_as_native_matchers_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(os.fspath(ADAPTERS))
+    serve = importlib.import_module("matchbench_serve")
+
+    def image(pixels: np.ndarray) -> Any:
+        monkeypatch.setattr(serve, "_read", lambda path, gray: pixels if gray else np.dstack([pixels, pixels // 2, pixels]))
+        return serve.Image("image", pixels.shape[::-1])
+
+    # The numbers of the test of `image::resize`.
+    assert image(np.array([[0, 255, 100, 201]], np.uint8)).gray(size=(3, 1)).tolist() == [[43, 178, 184]]
+    y, x = np.mgrid[:40, :60]
+    ramp = image((3 * x + y).astype(np.uint8))
+    resized, coloured = ramp.gray(size=(50, 50)), ramp.rgb(size=(50, 50))
+    assert resized.dtype == np.uint8 and coloured.shape == (50, 50, 3)
+    points = ramp.original([[0, 0], [49, 49], [20, 30]])
+    np.testing.assert_allclose(points, [[0.1, -0.1], [58.9, 39.1], [24.1, 23.9]])
+    assert abs(resized[30, 20] - (3 * 24.1 + 23.9)) <= 0.51 and (coloured[..., 0] == resized).all()
+    with pytest.raises(ValueError, match="leave one out"):
+        ramp.gray(50, size=(50, 50))

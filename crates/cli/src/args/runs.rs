@@ -96,7 +96,8 @@ pub(crate) struct ChoiceArgs {
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub estimator: Vec<String>,
     /// Evaluation protocols, separated by commas, or `all` (see `matchbench list protocols`). A protocol sets
-    /// the size of images, the estimator, the unit of its threshold and the repetitions. Several protocols
+    /// the size of images of native matchers, the estimator, the unit of its threshold and the repetitions. A
+    /// program is given its size by hand, if it has a parameter for it (--set ID.max_size=N). Several protocols
     /// share one set of matches, found in images of the original size [default: matchbench]
     #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub protocol: Vec<String>,
