@@ -1,9 +1,10 @@
-"""The notebook and the scripts of the README run as they stand."""
+"""The notebook and the scripts of the README and of the book run as they stand."""
 
 import json
 import os
 import pathlib
 import re
+import shutil
 
 import pytest
 
@@ -45,3 +46,12 @@ def test_the_scripts_of_the_readme_run(tmp_path):
     finally:
         os.chdir(before)
     assert (tmp_path / "my-run" / "report" / "index.html").is_file()
+
+
+def test_the_script_of_the_book_runs(dataset, tmp_path, monkeypatch):
+    text = (PYTHON.parent / "docs" / "matchers.md").read_text()
+    (script,) = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "mb.run" in block]
+    shutil.copytree(dataset.path, tmp_path / "castle")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script, "matchers.md", "exec"), {"__name__": "book"})
+    assert len(list(tmp_path.glob("runs/first/records/*/orb_mutual+best.jsonl"))) == 1
