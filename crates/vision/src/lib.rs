@@ -59,3 +59,8 @@ mod tables;
 pub use nalgebra;
 pub use params::ParamError;
 pub use simd::InstructionSet;
+
+/// The example of the README is tested.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
