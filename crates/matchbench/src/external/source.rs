@@ -5,6 +5,7 @@
 //! its command and its parameters; the search, the ratio test and the mutual check are native and timed here.
 
 use std::collections::BTreeMap;
+use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -60,6 +61,7 @@ impl External {
                 matching,
                 cache,
                 known: Mutex::new(Known::new(memory)),
+                unkept: Mutex::default(),
             }),
         };
         BuiltPointSource {
@@ -124,6 +126,8 @@ struct Described {
     matching: Matching,
     cache: FeatureCache,
     known: Mutex<Known>,
+    /// See [`PointSource::take_unkept`].
+    unkept: Mutex<Vec<String>>,
 }
 
 /// The features of an image, once they are known.
@@ -218,15 +222,19 @@ impl PointSource for Described {
             },
         })
     }
+
+    fn take_unkept(&self) -> Vec<String> {
+        mem::take(&mut *lock(&self.unkept))
+    }
 }
 
 impl Described {
     /// The features of an image, and how long that took, if they were not known.
     fn features(&self, path: &Path) -> Result<(Arc<Features>, Option<Times>), SourceError> {
         let path = absolute(path)?;
-        let slot = self.known().slot(&path);
+        let slot = lock(&self.known).slot(&path);
         // Held while the image is described: whoever else needs it waits.
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = lock(&slot);
         if let Some(features) = &*slot {
             return Ok((Arc::clone(features), None));
         }
@@ -239,18 +247,21 @@ impl Described {
         } else {
             let described = self.external.describe(image(&path)?)?;
             // A cache that cannot be written costs time and no result.
-            let _ = self.cache.save(key, &described.features);
+            if let Err(error) = self.cache.save(key, &described.features) {
+                lock(&self.unkept).push(error.to_string());
+            }
             (described.features, Some(described.times))
         };
         let features = Arc::new(features);
         *slot = Some(Arc::clone(&features));
-        self.known().note(&path, features.memory());
+        lock(&self.known).note(&path, features.memory());
         Ok((features, times))
     }
+}
 
-    fn known(&self) -> MutexGuard<'_, Known> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// What is in it, also where another thread panicked while it held it.
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn points(rows: &[[f32; 5]]) -> MatchedPoints {

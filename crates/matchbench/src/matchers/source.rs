@@ -72,6 +72,12 @@ pub trait PointSource: Send + Sync {
     fn heed(&self, cancel: &Cancel) {
         let _ = cancel;
     }
+
+    /// Why files of the cache could not be written since this was last asked, a reason for each file: what is in them is
+    /// found again when it is needed again.
+    fn take_unkept(&self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// Stops a run: tasks in flight are finished and recorded, no others are begun. Clones share one

@@ -24,7 +24,7 @@ pub trait Observer: Sync {
     }
 
     /// The cache of features cannot be written, for this `reason`, which names a file. The run goes on, and extracts what it
-    /// needs again; of native matchers it tells this once, and counts on, see [`RunSummary::unkept`].
+    /// needs again; it tells this once, and counts on, see [`RunSummary::unkept`].
     fn on_unkept(&self, reason: &str) {
         let _ = reason;
     }
@@ -64,7 +64,7 @@ pub struct RunSummary {
     pub failed: usize,
     /// Sources outside that ended before they had been asked for all.
     pub ended: usize,
-    /// Files of features of native matchers that the cache could not keep.
+    /// Files of features that the cache could not keep.
     pub unkept: usize,
 }
 

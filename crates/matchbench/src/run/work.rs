@@ -60,8 +60,20 @@ impl Work<'_> {
                         let done = self.stages.source(source, tasks, &self.stored)?;
                         Ok(done.with_lines())
                     };
-                    each_in_order(self.cancel, &some, matched, &mut append)?;
+                    each_in_order(self.cancel, &some, matched, |done| {
+                        self.tell_unkept(&source.source.take_unkept());
+                        append(done)
+                    })?;
                 }
+            }
+        }
+    }
+
+    /// Counts the files that the cache could not keep, for these reasons, and tells the first one of the run.
+    fn tell_unkept(&self, reasons: &[String]) {
+        for reason in reasons {
+            if self.unkept.fetch_add(1, Ordering::Relaxed) == 0 {
+                self.observer.on_unkept(reason);
             }
         }
     }
@@ -119,11 +131,7 @@ impl Work<'_> {
                     let image = &all[frame as usize].image;
                     lock(self.stages.images).note(frame, image, hash)?;
                 }
-                for reason in &features.unkept {
-                    if self.unkept.fetch_add(1, Ordering::Relaxed) == 0 {
-                        self.observer.on_unkept(reason);
-                    }
-                }
+                self.tell_unkept(&features.unkept);
                 self.observer.on_frame(frame, features.seconds.is_some());
                 resident.insert(frame, features);
                 Ok(())

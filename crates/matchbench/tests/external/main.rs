@@ -13,8 +13,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use matchbench::cache::FeatureCache;
 use matchbench::external::{self, Breakdown, BuiltIn, External, Image, Log, Manifest, StartError};
+use matchbench::matchers::ImageFiles;
 use matchbench_vision::image::Size;
+use matchbench_vision::seed::Seed;
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -365,6 +368,37 @@ fn host_without_memory() {
 fn features_for_which_there_is_no_memory_are_not_read() {
     // In a process of its own: the limit is for all of it.
     succeeds("host_without_memory");
+}
+
+#[test]
+fn features_that_the_cache_cannot_keep_are_told() {
+    let Bench { folder, external } = Bench::with("describes", "kind = \"features\"\n");
+    let cache = folder.path().join("no folder");
+    fs::write(&cache, "").expect("can be written");
+    let image = folder.path().join("image.pgm");
+    let pixels = [b"P5 64 48 255\n".to_vec(), vec![0; 64 * 48]].concat();
+    fs::write(&image, pixels).expect("can be written");
+    let external = external.expect("it starts");
+    let source = (external.into_source(FeatureCache::new(&cache), 1 << 30)).source;
+    let pair = ImageFiles {
+        dataset: "wall",
+        frames: [0, 1],
+        images: [&image, &image],
+    };
+    let ask = || source.matches(&pair, Seed(0)).expect("it answers");
+    assert_eq!(ask().features, [MANY as u32; 2]);
+    let told = source.take_unkept();
+    let [reason] = &told[..] else {
+        panic!("{told:?}");
+    };
+    let cache = cache.display().to_string();
+    assert!(
+        reason.contains(&cache) && reason.contains("--cache"),
+        "{reason}"
+    );
+    ask();
+    let told = source.take_unkept();
+    assert!(told.is_empty(), "it is known: {told:?}");
 }
 
 #[test]

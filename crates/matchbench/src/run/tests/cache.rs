@@ -1,11 +1,17 @@
 //! A cache of features that cannot be believed, or cannot be written.
 
+use std::mem;
+
 use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows};
+use matchbench_vision::seed::Seed;
+use serde_json::json;
 
 use super::*;
 use crate::cache::Key;
 use crate::files::{Call, Fault, break_calls};
-use crate::matchers::BuiltMatcher;
+use crate::matchers::{
+    BuiltMatcher, BuiltPointSource, ImageFiles, PointSource, SourceError, SourcedMatches,
+};
 
 /// The matcher of the only contender.
 fn matcher(bench: &Bench) -> &BuiltMatcher {
@@ -85,6 +91,47 @@ fn a_cache_that_cannot_be_written_is_told_once_and_takes_nothing_from_the_run() 
     assert!(
         reason.contains(&cache) && reason.contains("--cache"),
         "{reason}"
+    );
+}
+
+/// A source whose cache keeps nothing: one file for each pair.
+#[derive(Default)]
+struct Forgetful(Mutex<Vec<String>>);
+
+impl PointSource for Forgetful {
+    fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let reason = format!("{:?} is not kept", pair.frames);
+        self.0.lock().unwrap().push(reason);
+        Ok(SourcedMatches::default())
+    }
+
+    fn take_unkept(&self) -> Vec<String> {
+        mem::take(&mut *self.0.lock().unwrap())
+    }
+}
+
+#[test]
+fn what_a_source_outside_cannot_keep_is_told_once_too() {
+    let contender = Contender {
+        source: Source::Points(BuiltPointSource {
+            id: "forgetful".into(),
+            version: Some("1".into()),
+            command: None,
+            params: json!({}),
+            notes: Vec::new(),
+            source: Box::new(Forgetful::default()),
+        }),
+        estimators: vec![Variant::from(Toy::default().estimator("e"))],
+    };
+    let bench = Bench::new(vec![contender]);
+    let observer = Unkept::default();
+    let summary = (bench.run_with("run", &observer, &Cancel::default())).unwrap();
+    assert!(summary.is_complete() && summary.total > 1);
+    assert_eq!(summary.unkept, summary.total);
+    let told = observer.0.into_inner().unwrap();
+    assert!(
+        told.len() == 1 && told[0].ends_with("is not kept"),
+        "{told:?}"
     );
 }
 
