@@ -51,6 +51,16 @@ fn where_one_of_two_arguments_is_needed_both_are_named() {
             &["plan", "wall", "--shards", "2", "--out", "p"],
             ["--matchers <IDS>", "--matches <NAME=PATH"],
         ),
+        (
+            &[
+                "tune",
+                "wall",
+                "--parameter=best.threshold_px",
+                "--values=1,2",
+                "--out=t",
+            ],
+            ["--matchers <IDS>", "--matches <NAME=PATH"],
+        ),
         (&["eval"], ["RESULTS", "--errors <DIR>"]),
     ] {
         let said = refused(folder.path(), words);

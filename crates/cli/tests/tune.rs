@@ -148,6 +148,45 @@ fn a_choice_stays_refused_on_its_scene_when_runs_grow_or_are_joined() {
 }
 
 #[test]
+fn matches_from_files_are_tuned_on_beside_matchers_or_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "training", 3);
+    fs::create_dir(folder.join("mine")).expect("writable");
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let rows = (0..60).map(|i| (12 * (i % 8) + 30, 14 * (i / 8) + 10));
+        let rows = rows.map(|(x, y)| format!("{x} {y} {} {y} 0.25\n", x - 5 * (b - a)));
+        let file = folder.join(format!("mine/{a}_{b}.txt"));
+        fs::write(file, rows.collect::<String>()).expect("writable");
+    }
+    let tuned = |asked: &[&str], out: &str| {
+        let mut tune = matchbench();
+        tune.current_dir(folder).args(["tune", "training"]);
+        tune.args(["--parameter", "ransac-e.threshold_px", "--values", "1,2"]);
+        tune.args([
+            "--matches",
+            "mine=mine",
+            "--pixel-center",
+            "0",
+            "--out",
+            out,
+        ]);
+        let output = tune.args(asked).output().expect("the program starts");
+        let read = text(&output.stderr);
+        assert!(read.contains("mine on training: "), "{read}");
+        succeeded(&output);
+        let file = fs::read(folder.join(out).join("tuned.json")).expect("it was written");
+        serde_json::from_slice::<serde_json::Value>(&file).expect("JSON")["matchers"].clone()
+    };
+    assert_eq!(
+        tuned(&["--matchers", "sift"], "both"),
+        serde_json::json!(["sift", "mine"])
+    );
+    assert_eq!(tuned(&[], "alone"), serde_json::json!(["mine"]));
+    assert!(!folder.join("alone/cache").exists(), "nothing is extracted");
+}
+
+#[test]
 fn a_run_grows_by_matchers_and_repetitions_are_shown() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 4);

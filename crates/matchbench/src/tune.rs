@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError};
 use crate::estimators;
+use crate::matchers::BuiltPointSource;
 use crate::metrics::{ResultsError, load_run, ranking_auc};
 use crate::protocols::MATCHBENCH;
 use crate::records::images::ImageNotes;
@@ -71,16 +72,18 @@ pub enum TuneError {
     Folder(#[from] FolderError),
 }
 
-/// Runs every value that is not run yet, and writes which is best.
+/// Runs every value that is not run yet, and writes which is best. The matches are those of the matchers and of further
+/// `sources`, such as files.
 ///
 /// # Errors
 /// If the parameter, a value or a matcher is unknown, or if the run cannot start or continue.
 pub fn tune(
     tuning: &Tuning<'_>,
+    sources: Vec<BuiltPointSource>,
     observer: &dyn Observer,
     cancel: &Cancel,
 ) -> Result<TuningDone, TuneError> {
-    let contenders = variants(tuning)?;
+    let contenders = variants(tuning, sources)?;
     let run = Run {
         settings: tuning.settings,
         cache: tuning.cache.clone(),
@@ -100,8 +103,11 @@ pub fn tune(
     Ok(done)
 }
 
-/// The matchers, each with one variant of the estimator for each value.
-fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
+/// The matchers and sources, each with one variant of the estimator for each value.
+fn variants(
+    tuning: &Tuning<'_>,
+    sources: Vec<BuiltPointSource>,
+) -> Result<Vec<Contender>, TuneError> {
     let parameter = tuning.parameter;
     let (id, name) = parameter.split_once('.').ok_or_else(|| {
         TuneError::Parameter(format!(
@@ -139,8 +145,13 @@ fn variants(tuning: &Tuning<'_>) -> Result<Vec<Contender>, TuneError> {
         logs: &RunFolder::logs_at(tuning.folder),
         cache: tuning.cache,
     };
+    let (matchers, outside) = (tuning.matchers, Some(&outside));
+    let (mut contenders, absent) =
+        Contender::from_names(matchers, sources, &id, &[], changes, outside)?;
     // If one of them were missing, the mean would be over fewer matchers.
-    let mut contenders = Contender::all_of(tuning.matchers, &id, changes, Some(&outside))?;
+    if let Some(error) = absent.into_iter().next() {
+        return Err(ContenderError::from(error).into());
+    }
     let [id] = id;
     let mut params = match changes.of(&id) {
         Some(Value::Object(params)) => params.clone(),

@@ -315,7 +315,11 @@ mod tests {
 
     #[test]
     fn options_of_files_stand_under_their_heading_alone() {
-        for name in ["run", "plan"] {
+        for (name, other) in [
+            ("run", "estimator"),
+            ("plan", "estimator"),
+            ("tune", "values"),
+        ] {
             let command = Cli::command();
             let command = command.find_subcommand(name).expect("it is one");
             let under = |id: &str| {
@@ -324,7 +328,7 @@ mod tests {
                 argument.expect("it is one").get_help_heading().is_some()
             };
             assert!(under("matches") && under("note"), "{name}");
-            assert!(!under("out") && !under("estimator"), "{name}");
+            assert!(!under("out") && !under(other), "{name}");
         }
     }
 

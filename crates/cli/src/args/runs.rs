@@ -349,17 +349,22 @@ pub(crate) struct MatchesArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
+Values are tried under the protocol `matchbench` alone, in images as they are. Under another
+protocol, which may have images of another size, another value may be best.
+
 Example:
   matchbench tune kitchen --matchers sift,orb --parameter ransac-e.threshold_px \\
                   --values 0.5,0.75,1,1.5,2 --out tuning
-  matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle")]
+  matchbench run castle --matchers sift --tuned tuning/tuned.json --out runs/castle
+  matchbench tune kitchen --matches loma=loma --parameter best.threshold_px --values 1,2 --out t")]
+#[command(group(one_of("matched_by", ["matchers", "matches"])))]
 pub(crate) struct TuneArgs {
     /// Dataset folders; do not report on any of them later
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
     /// Matchers whose matches are used, separated by commas; a path is that of the manifest of a matcher from
     /// outside
-    #[arg(long, value_name = "IDS", value_delimiter = ',', required = true, value_parser = trimmed)]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub matchers: Vec<String>,
     /// The parameter (see `matchbench list estimators`)
     #[arg(long, value_name = "ESTIMATOR.NAME")]
@@ -387,6 +392,9 @@ pub(crate) struct TuneArgs {
     /// Folder of the feature cache [default: DIR/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
+    // The last: what follows stands under its heading.
+    #[command(flatten)]
+    pub files: MatchesArgs,
 }
 
 #[derive(Debug, Args)]

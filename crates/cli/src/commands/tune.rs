@@ -7,10 +7,12 @@ use std::path::Path;
 use anyhow::Result;
 use matchbench::config::parse_value;
 use matchbench::records::{RunSettings, Tuned};
+use matchbench::study::sources_for;
 use matchbench::tune::{Tuning, tune};
 use serde_json::Value;
 
-use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell};
+use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell, tell_news};
+use super::matches;
 use crate::Ending;
 use crate::args::TuneArgs;
 use crate::output::stdout;
@@ -20,8 +22,10 @@ use crate::stop::Stop;
 pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     check_names(&args.matchers)?;
     let values: Vec<Value> = args.values.iter().map(|text| parse_value(text)).collect();
+    let datasets = open(&args.datasets)?;
+    let sources = sources_for(&matches::asked(&args.files)?, &datasets, &tell_news)?;
     let tuning = Tuning {
-        datasets: &open(&args.datasets)?,
+        datasets: &datasets,
         matchers: &args.matchers,
         parameter: &args.parameter,
         values: &values,
@@ -38,7 +42,7 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
     let cancel = stop.begin();
     let bar = Progress::new();
-    let done = tune(&tuning, &bar, cancel);
+    let done = tune(&tuning, sources, &bar, cancel);
     bar.finish();
     let done = done?;
     let ending = tell(&done.summary, &args.out, cancel);

@@ -40,7 +40,7 @@ use crate::records::{KeepMatches, RunSettings};
 
 pub use crate::matchers::MatchesFrom;
 pub use error::StudyError;
-pub use prepare::{News, Prepared, sources_as_planned};
+pub use prepare::{News, Prepared, sources_as_planned, sources_for};
 
 /// Everything that is asked of a run.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -167,7 +167,7 @@ impl Study {
                 tell(News::Problem(&problem));
             }
         }
-        let mut all_sources = self.sources(&datasets, tell)?;
+        let mut all_sources = sources_for(&self.matches, &datasets, tell)?;
         all_sources.extend(sources);
         for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
             dataset.matchers = match &asked.matchers {
@@ -299,21 +299,25 @@ impl Study {
         }
         all
     }
+}
 
-    fn sources(
-        &self,
-        datasets: &[Dataset],
-        tell: &dyn Fn(News<'_>),
-    ) -> Result<Vec<BuiltPointSource>, StudyError> {
-        let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
-        (self.matches.iter())
-            .map(|from| {
-                let source = open_matches(from, &sequences, None)?;
-                tell(News::Matches(&from.name, &source));
-                Ok(source.build(&from.name))
-            })
-            .collect()
-    }
+/// Matches from files for `datasets`; `tell` is called with each of them.
+///
+/// # Errors
+/// If a name is taken or no name, or if files cannot be read or their matches are wrong.
+pub fn sources_for(
+    matches: &[MatchesFrom],
+    datasets: &[Dataset],
+    tell: &dyn Fn(News<'_>),
+) -> Result<Vec<BuiltPointSource>, StudyError> {
+    let sequences: Vec<_> = datasets.iter().map(|dataset| &dataset.sequence).collect();
+    (matches.iter())
+        .map(|from| {
+            let source = open_matches(from, &sequences, None)?;
+            tell(News::Matches(&from.name, &source));
+            Ok(source.build(&from.name))
+        })
+        .collect()
 }
 
 /// Matches from files for `datasets` that have only some of the pairs of a `plan`. The files are read as the
