@@ -48,10 +48,6 @@ fn where_one_of_two_arguments_is_needed_both_are_named() {
             ["--matcher <ID>", "--matches <NAME=PATH"],
         ),
         (
-            &["plan", "wall", "--shards", "2", "--out", "p"],
-            ["--matchers <IDS>", "--matches <NAME=PATH"],
-        ),
-        (
             &[
                 "tune",
                 "wall",
@@ -66,6 +62,18 @@ fn where_one_of_two_arguments_is_needed_both_are_named() {
         let said = refused(folder.path(), words);
         let missing = said.split("Usage").next().unwrap_or_default();
         assert!(named.iter().all(|name| missing.contains(name)), "{said}");
+    }
+}
+
+#[test]
+fn a_run_and_a_plan_without_matchers_say_how_they_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for words in [
+        &["run", "wall", "--out", "r"][..],
+        &["plan", "wall", "--shards", "2", "--out", "p"],
+    ] {
+        let said = refused(folder.path(), words);
+        assert!(said.contains("--matchers or --matches"), "{said}");
     }
 }
 

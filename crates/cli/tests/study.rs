@@ -69,6 +69,67 @@ fn a_run_file_and_arguments_make_the_same_records() {
 }
 
 #[test]
+fn the_shards_of_a_run_file_are_its_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 4);
+    dataset(folder, "tower", 3);
+    let text = "out = 'run'\nmatchers = ['gms']\nestimators = ['ransac-e']\nrepeat = 2\n\
+        [set]\nsift.extractor = { contrast_threshold = 0.01 }\nransac-e.threshold_px = 2\n\
+        [[dataset]]\npath = 'data/wall'\nmatchers = ['sift']\n\
+        [[dataset]]\npath = 'data/tower'\nmatchers = ['sift']\n";
+    fs::create_dir_all(folder.join("studies/data")).expect("writable");
+    for name in ["wall", "tower"] {
+        fs::rename(folder.join(name), folder.join("studies/data").join(name)).expect("writable");
+    }
+    fs::write(folder.join("studies/study.toml"), text).expect("writable");
+    let set = ["--set", "ransac-e.threshold_px=3"];
+    let ends = |words: &[&str]| {
+        let mut command = matchbench();
+        let output = command.current_dir(folder).args(words).output();
+        output.expect("the program starts")
+    };
+    let succeeds = |words: &[&str]| {
+        let output = ends(words);
+        assert!(output.status.success(), "{words:?}: {output:?}");
+    };
+    succeeds(&[&["run", "studies/study.toml"], &set[..]].concat());
+    let plan = ["plan", "studies/study.toml", "--shards", "2", "--out", "p"];
+    succeeds(&[&plan[..], &set].concat());
+    for shard in ["1", "2"] {
+        succeeds(&["work", "p", "--shard", shard]);
+    }
+    succeeds(&["merge", "p", "--out", "merged"]);
+    let plan_of = |run: &str| fs::read_to_string(folder.join(run).join("plan.json"));
+    let planned = plan_of("merged").expect("a plan");
+    assert_eq!(planned, plan_of("studies/run").expect("a plan"));
+    assert!(planned.contains("\"threshold_px\": 3.0"), "{planned}");
+    for (name, pairs) in [("wall", 6), ("tower", 3)] {
+        let merged = poses(&folder.join("merged"), name, "sift");
+        assert_eq!(merged.len(), 2 * pairs);
+        assert_eq!(merged, poses(&folder.join("studies/run"), name, "sift"));
+    }
+
+    // What cannot be cut is refused, and says so.
+    for (other, named) in [
+        (text.replacen("['sift']", "['orb']", 1), "not all matchers"),
+        (format!("sample = 2\n{text}"), "a sample"),
+    ] {
+        fs::write(folder.join("studies/study.toml"), other).expect("writable");
+        let output = ends(&["plan", "studies/study.toml", "--shards", "2", "--out", "q"]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(named), "{said}");
+    }
+    let output = ends(&["plan", "absent.toml", "--shards", "2", "--out", "q"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("absent.toml") && said.contains("check its path"),
+        "{said}"
+    );
+}
+
+#[test]
 fn mistakes_are_told_by_file_and_line() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     dataset(folder.path(), "wall", 3);

@@ -139,14 +139,17 @@ PLAN/plan.json says what is run (with a hash that every shard names) and which p
 which shard. All shards have equally many pairs, chosen such that few images are extracted by more
 than one shard.
 
+A run file is planned as `run` would run it. Its `out`, `cache` and `report` are for `run` alone:
+--out, and --cache of `work`, take their place. All its datasets must have the same matchers.
+
 Examples:
   matchbench plan castle office --matchers sift,orb --estimator best --shards 16 --out plans/both
   matchbench work plans/both --shard 1       # on any machine; and 2 to 16
   matchbench merge plans/both --out runs/both
-  matchbench plan castle --matches mine=mine/matches --shards 16 --out plans/mine")]
-#[command(group(one_of("matched_by", ["matchers", "matches"])))]
+  matchbench plan castle --matches mine=mine/matches --shards 16 --out plans/mine
+  matchbench plan study.toml --shards 16 --out plans/study")]
 pub(crate) struct PlanArgs {
-    /// Dataset folders
+    /// Dataset folders, or one run file, whose name ends in .toml
     #[arg(value_name = "DATASET", required = true)]
     pub datasets: Vec<PathBuf>,
     /// Matchers, separated by commas, or `all` (see `matchbench list matchers`); a path is that of the manifest

@@ -3,7 +3,7 @@
 use std::mem;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use matchbench::cache::FeatureCache;
 use matchbench::config::{Changes, ConfigError, UnknownName};
 use matchbench::counted::counted;
@@ -11,11 +11,11 @@ use matchbench::external::Manifest;
 use matchbench::matchers;
 use matchbench::records::{RunFolder, kept_otherwise, stranger_in};
 use matchbench::run::{Cancel, Dataset, Run, RunSummary};
-use matchbench::study::{News, Prepared, Study};
+use matchbench::study::{News, Prepared, Study, StudyDataset};
 
-use super::matches::describe;
+use super::matches::{asked, describe};
 use crate::Ending;
-use crate::args::ChoiceArgs;
+use crate::args::{ChoiceArgs, MatchesArgs};
 use crate::output::say;
 use crate::progress::Progress;
 use crate::stop::Stop;
@@ -92,8 +92,46 @@ pub(crate) fn open(folders: &[impl AsRef<Path>]) -> Result<Vec<Dataset>> {
     Ok(datasets.collect::<Result<_, _>>()?)
 }
 
+/// The study in a run file, if `datasets` is one; else that of these datasets.
+pub(crate) fn named(datasets: &[PathBuf]) -> Result<Study> {
+    if let [file] = datasets
+        && Study::is_file(file)
+    {
+        return Ok(Study::read(file)?);
+    }
+    ensure!(
+        !datasets.iter().any(|path| Study::is_file(path)),
+        "a run file stands alone; name datasets in it, or leave it out"
+    );
+    Ok(Study {
+        datasets: datasets.iter().map(StudyDataset::at).collect(),
+        ..Study::default()
+    })
+}
+
+/// Replaces what `study` has by what is given as arguments.
+pub(crate) fn replace(
+    study: &mut Study,
+    matchers: &[String],
+    choices: &ChoiceArgs,
+    files: &MatchesArgs,
+) -> Result<()> {
+    if !matchers.is_empty() {
+        study.matchers = matchers.to_vec();
+        for dataset in &mut study.datasets {
+            dataset.matchers = None;
+        }
+    }
+    choose(study, choices)?;
+    let matches = asked(files)?;
+    let is_replaced = |name: &str| matches.iter().any(|from| from.name == name);
+    study.matches.retain(|from| !is_replaced(&from.name));
+    study.matches.extend(matches);
+    Ok(())
+}
+
 /// Replaces settings of `study` by those that are given as arguments.
-pub(crate) fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
+fn choose(study: &mut Study, choices: &ChoiceArgs) -> Result<()> {
     if !choices.estimator.is_empty() {
         study.estimators.clone_from(&choices.estimator);
     }

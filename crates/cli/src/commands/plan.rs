@@ -9,24 +9,25 @@ use matchbench::external::Manifest;
 use matchbench::records::ShardPlan;
 use matchbench::records::shards::{Asked, Part};
 use matchbench::run::{images_of_one, plan_shards};
-use matchbench::study::{Study, StudyDataset};
 
-use super::job::{choose, tell_news};
-use super::matches;
+use super::job::{named, replace, tell_news};
 use crate::Ending;
 use crate::args::PlanArgs;
 use crate::output::{say, stdout, typed};
 use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
-    let mut study = Study {
-        datasets: args.datasets.iter().map(StudyDataset::at).collect(),
-        matchers: args.matchers.iter().map(from_anywhere).collect(),
-        out: Some(args.out.clone()),
-        ..Study::default()
-    };
-    choose(&mut study, &args.choices)?;
-    study.matches = matches::asked(&args.files)?;
+    let mut study = named(&args.datasets)?;
+    let written = study.set.settings();
+    replace(&mut study, &args.matchers, &args.choices, &args.files)?;
+    study.out = Some(args.out.clone());
+    let own = study
+        .datasets
+        .iter_mut()
+        .filter_map(|dataset| dataset.matchers.as_mut());
+    for name in own.flatten().chain(&mut study.matchers) {
+        *name = from_anywhere(name);
+    }
     for from in &mut study.matches {
         for file in &mut from.files {
             *file = absolute(&file)?;
@@ -48,9 +49,15 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     );
     // Settings that are given by hand come last and win.
     let tuned = prepared.tuned.iter().map(|tuned| tuned.setting.clone());
+    let by_hand = args.choices.set.iter().cloned();
+    let has_own = study.datasets.iter().any(|d| d.matchers.is_some());
     let asked = Asked {
-        settings: tuned.chain(args.choices.set.iter().cloned()).collect(),
-        matchers: study.matchers.clone(),
+        settings: tuned.chain(written).chain(by_hand).collect(),
+        matchers: if has_own {
+            study.all_matchers()
+        } else {
+            study.matchers.clone()
+        },
         estimators: prepared.estimators.clone(),
         protocols: study.protocols.clone(),
         matches: study.matches.clone(),
@@ -67,18 +74,19 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     )?;
     plan.write(&args.out)?;
     // Of matches from files nothing is extracted.
-    let of_one = (!study.matchers.is_empty()).then(|| images_of_one(datasets, settings));
+    let is_extracted = !plan.asked().matchers.is_empty();
+    let of_one = is_extracted.then(|| images_of_one(datasets, settings));
     tell(&plan, of_one, &args.out)?;
     Ok(Ending::Done)
 }
 
 /// The path of a manifest as an absolute path; any other name is unchanged.
-fn from_anywhere(name: &String) -> String {
+fn from_anywhere(name: &str) -> String {
     let path = Manifest::is_path(name)
         .then(|| absolute(name).ok())
         .flatten();
     let path = path.and_then(|path| path.into_os_string().into_string().ok());
-    path.unwrap_or_else(|| name.clone())
+    path.unwrap_or_else(|| name.to_owned())
 }
 
 /// What a plan is and what comes next; with how many images one machine extracts, if any are extracted.

@@ -3,14 +3,14 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use matchbench::protocols::{self, Protocol};
 use matchbench::records::RunFolder;
 use matchbench::report::ReportOptions;
-use matchbench::study::{Study, StudyDataset};
+use matchbench::study::Study;
 
-use super::job::{choose, execute};
-use super::{eval, matches, report};
+use super::job::{execute, named, replace};
+use super::{eval, report};
 use crate::Ending;
 use crate::args::RunArgs;
 use crate::output::{stdout, typed};
@@ -68,31 +68,8 @@ fn by_its_rules(names: &[String], folder: &Path) -> Result<String> {
 
 /// What is asked for: the run file, if there is one, with the arguments replacing its settings.
 fn study(args: &RunArgs) -> Result<Study> {
-    let mut study = match &args.datasets[..] {
-        [file] if Study::is_file(file) => Study::read(file)?,
-        datasets => {
-            let file = datasets.iter().find(|path| Study::is_file(path));
-            ensure!(
-                file.is_none(),
-                "a run file stands alone; name datasets in it, or leave it out"
-            );
-            Study {
-                datasets: datasets.iter().map(StudyDataset::at).collect(),
-                ..Study::default()
-            }
-        }
-    };
-    if !args.matchers.is_empty() {
-        study.matchers.clone_from(&args.matchers);
-        for dataset in &mut study.datasets {
-            dataset.matchers = None;
-        }
-    }
-    choose(&mut study, &args.choices)?;
-    let matches = matches::asked(&args.files)?;
-    let is_replaced = |name: &str| matches.iter().any(|from| from.name == name);
-    study.matches.retain(|from| !is_replaced(&from.name));
-    study.matches.extend(matches);
+    let mut study = named(&args.datasets)?;
+    replace(&mut study, &args.matchers, &args.choices, &args.files)?;
     study.out = args.out.clone().or(study.out);
     study.cache = args.cache.clone().or(study.cache);
     study.sample = args.sample.or(study.sample);

@@ -62,6 +62,25 @@ impl Changes {
         others.all(|(id, other)| holds(self.0.get(id), other))
     }
 
+    /// The settings that [`Changes::parse`] reads as these changes, one for each value.
+    pub fn settings(&self) -> Vec<String> {
+        fn add(path: &str, value: &Value, settings: &mut Vec<String>) {
+            match value {
+                Value::Object(parts) => {
+                    for (name, part) in parts {
+                        add(&format!("{path}.{name}"), part, settings);
+                    }
+                }
+                value => settings.push(format!("{path}={value}")),
+            }
+        }
+        let mut settings = Vec::new();
+        for (id, params) in &self.0 {
+            add(id, params, &mut settings);
+        }
+        settings
+    }
+
     /// The changed parameters of the matcher or estimator `id`, if there are any.
     pub fn of(&self, id: &str) -> Option<&Value> {
         self.0.get(id)
@@ -131,6 +150,16 @@ mod tests {
             Value::Object(changes.0),
             json!({"sift": {"ratio": 0.7, "extractor": {"sigma": 1.2}}, "gms": {"budget": "authors"}})
         );
+    }
+
+    #[test]
+    fn settings_of_changes_are_these_changes() {
+        let params = json!({"ratio": 0.1, "name": "0.5", "list": [1, "a"],
+                            "extractor": {"sift": {"sigma": 2.0, "upright": true}}});
+        let changes = Changes::of_one("code", params);
+        let settings = changes.settings();
+        assert_eq!(settings.len(), 5, "{settings:?}");
+        assert_eq!(Changes::parse(&settings), Ok(changes));
     }
 
     #[test]
