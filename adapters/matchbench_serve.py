@@ -189,7 +189,10 @@ def _read(path, gray):
         import cv2
     except ImportError:
         import PIL.Image
-        return np.asarray(PIL.Image.open(path).convert("L" if gray else "RGB"))
+        image = PIL.Image.open(path)
+        if image.mode == "I" or image.mode.startswith("I;16"):
+            image = PIL.Image.fromarray(_upper_bits(np.asarray(image), path))
+        return np.asarray(image.convert("L" if gray else "RGB"))
     mode = cv2.IMREAD_GRAYSCALE if gray else cv2.IMREAD_COLOR
     pixels = cv2.imread(path, mode | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
@@ -205,6 +208,13 @@ def _between(pixels, count, axis):
     first = at.astype(np.int32)
     weight = np.rint((at - first) * 256).astype(np.int32).reshape([-1 if i == axis else 1 for i in range(pixels.ndim)])
     return (256 - weight) * pixels.take(first, axis) + weight * pixels.take(np.minimum(first + 1, length - 1), axis)
+
+
+def _upper_bits(pixels, path):
+    """Grey pixels of 16 bits with their upper 8 alone, as cv2 and matchbench read them. PIL cuts them off at 255."""
+    if pixels.size and not 0 <= pixels.min() <= pixels.max() <= 0xFFFF:
+        raise ValueError(f"{path} has pixels of more than 16 bits")
+    return (pixels >> 8).astype(np.uint8)
 
 
 def _areas(pixels, count, axis):

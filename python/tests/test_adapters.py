@@ -1,4 +1,4 @@
-"""`adapters/matchbench_serve.py`: the protocol in Python, spoken with a matcher that misbehaves."""
+"""`adapters/matchbench_serve.py`: the protocol in Python, spoken with a matcher that misbehaves; its images."""
 
 import importlib
 import json
@@ -140,3 +140,26 @@ def test_an_image_of_an_exact_size_is_resampled_as_native_matchers_do(monkeypatc
     assert abs(resized[30, 20] - (3 * 24.1 + 23.9)) <= 0.51 and (coloured[..., 0] == resized).all()
     with pytest.raises(ValueError, match="leave one out"):
         ramp.gray(50, size=(50, 50))
+
+
+def test_without_opencv_grey_pixels_of_16_bits_are_their_upper_8(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pillow = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    monkeypatch.syspath_prepend(str(ADAPTERS))
+    from matchbench_serve import Image
+
+    stored = (np.arange(8 * 12, dtype=np.uint16) * 683).reshape(8, 12)
+    for ending in ("png", "tiff"):
+        path = tmp_path / f"deep.{ending}"
+        pillow.fromarray(stored).save(path)
+        image = Image(str(path), (12, 8))
+        assert (image.gray() == stored >> 8).all(), ending
+        assert (image.rgb() == (stored >> 8)[..., None]).all(), ending
+    big_endian = tmp_path / "deep.pgm"
+    big_endian.write_bytes(b"P5 12 8 65535\n" + stored.astype(">u2").tobytes())
+    assert (Image(str(big_endian), (12, 8)).gray() == stored >> 8).all()
+    pillow.fromarray(np.full((8, 12), 1 << 20, np.int32)).save(tmp_path / "deeper.tiff")
+    with pytest.raises(ValueError, match="more than 16 bits"):
+        Image(str(tmp_path / "deeper.tiff"), (12, 8)).gray()
