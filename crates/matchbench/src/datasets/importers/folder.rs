@@ -13,7 +13,7 @@ use nalgebra::Isometry3;
 
 use super::{
     ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
-    in_other_formats, note_of, unread_left_out,
+    in_other_formats, note_of, own_name, unread_left_out,
 };
 use crate::counted::counted;
 use crate::datasets::text::TextFile;
@@ -45,7 +45,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let mut left_out = Vec::new();
     for (image, pose) in images.into_iter().zip(poses) {
         match pose {
-            None => left_out.push(base_name(&image)),
+            None => left_out.push(own_name(&image)),
             Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
         }
     }

@@ -170,3 +170,61 @@ fn a_scan_of_scannet_has_a_pose_in_a_file_for_each_image() {
     assert!((camera.fx - width).abs() < 1e-9 && (camera.cx - (width - 1.0) / 2.0).abs() < 1e-9);
     assert!(notes[2].contains("scaled"), "{notes:?}");
 }
+
+/// As in a folder of links to files that are named after their content, or numbered otherwise.
+#[cfg(unix)]
+#[test]
+fn frames_of_7_scenes_have_the_numbers_of_their_own_names_where_they_are_links() {
+    let pose = |x: u32| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    let (first, second) = (pose(3), pose(5));
+    let files = [
+        ("blobs/3f2a.png", ""),
+        ("blobs/frame-000001.color.png", ""),
+        ("scene/frame-000001.pose.txt", &*first),
+        ("scene/frame-000002.pose.txt", &*second),
+        ("scene/frame-000002.depth.png", ""),
+    ];
+    let (_folder, src) = source("mine", &files);
+    for (name, blob) in [
+        ("frame-000001.color.png", "3f2a.png"),
+        ("frame-000002.color.png", "frame-000001.color.png"),
+    ] {
+        let link = src.join("scene").join(name);
+        std::os::unix::fs::symlink(format!("../blobs/{blob}"), link).unwrap();
+    }
+    let found = read_source("7scenes", &src.join("scene"), &ImportOptions::default()).unwrap();
+    let x = |frame: &Frame| frame.world_from_camera.unwrap().translation.x;
+    let frames: Vec<_> = (found.frames.iter())
+        .map(|frame| (own_name(&frame.image), x(frame), frame.depth.is_some()))
+        .collect();
+    assert_eq!(
+        frames,
+        [
+            ("frame-000001.color.png".to_owned(), 3.0, false),
+            ("frame-000002.color.png".to_owned(), 5.0, true),
+        ]
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn the_camera_of_tum_is_told_by_the_name_of_a_link_or_of_its_folder() {
+    let files = [
+        ("rgb.txt", "1 a.png"),
+        ("groundtruth.txt", "1 0 0 0 0 0 0 1\n"),
+        ("a.png", ""),
+    ];
+    for (folder_name, link, fx) in [
+        ("3f2a", "rgbd_dataset_freiburg1_desk", Some(517.3)),
+        ("rgbd_dataset_freiburg2_desk", "desk", Some(520.9)),
+        ("rgbd_dataset_freiburg2_desk", "freiburg1", Some(517.3)),
+        ("3f2a", "desk", None),
+    ] {
+        let (folder, src) = source(folder_name, &files);
+        let link = folder.path().join(link);
+        std::os::unix::fs::symlink(src, &link).unwrap();
+        let found = read_source("tum", &link, &ImportOptions::default());
+        let found = found.map(|found| found.frames[0].camera.fx);
+        assert_eq!(found.ok(), fx, "{}", link.display());
+    }
+}

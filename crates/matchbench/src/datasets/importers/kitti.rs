@@ -15,7 +15,7 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::{Isometry3, Matrix3};
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
+    ImportOptions, Imported, given_camera, images_and_unread, images_left_out, own_name,
     unread_left_out,
 };
 use crate::counted::counted;
@@ -48,7 +48,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let stem = image.file_stem().unwrap_or_default().to_string_lossy();
         let pose = stem.parse().ok().and_then(|i: usize| poses.get(i));
         match pose {
-            None => left_out.push(base_name(&image)),
+            None => left_out.push(own_name(&image)),
             Some(pose) => {
                 frames.push(Frame::with_pose(image, camera, pose * first_from_camera));
             }

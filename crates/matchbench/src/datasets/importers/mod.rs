@@ -374,7 +374,7 @@ fn make(kind: &str, src: &Path, options: &ImportOptions<'_>) -> Result<Made, Dat
 /// What the numbers of a list of pairs mean, where they may be taken for those of images: images were left out, or the
 /// first image is not called 0.
 fn numbers_of_frames(frames: &[Frame], pairs: &[Pair], notes: &[String]) -> Option<String> {
-    let name = |frame: u32| base_name(&frames[frame as usize].image);
+    let name = |frame: u32| own_name(&frames[frame as usize].image);
     let differs = |frame: &u32| {
         let name = name(*frame);
         let mut numbers = name.split(|c: char| !c.is_ascii_digit());
@@ -501,10 +501,14 @@ fn given_camera(
     }
 }
 
-/// The last part of the path, for the origin.
+/// The last part of the path, for the origin: that of what a link points to, and of the folder that `.` means.
 fn base_name(path: &Path) -> String {
-    let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    real.file_name()
+    own_name(&std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()))
+}
+
+/// What a file is called in its folder, though it may be a link to a file of another name; empty for `.` and `..`.
+fn own_name(path: &Path) -> String {
+    path.file_name()
         .map_or_else(String::new, |name| name.to_string_lossy().into())
 }
 
@@ -535,7 +539,7 @@ fn images_left_out(why: &str, images: &[String]) -> Option<String> {
 fn images_and_unread(folder: &Path) -> Result<(Vec<PathBuf>, Vec<String>), DatasetError> {
     let images = image_files(folder)?;
     let unread = unread_image_files(folder, &images)?;
-    let unread = unread.iter().map(|image| base_name(image)).collect();
+    let unread = unread.iter().map(|image| own_name(image)).collect();
     Ok((images, unread))
 }
 

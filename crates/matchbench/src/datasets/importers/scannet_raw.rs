@@ -15,7 +15,7 @@ use super::scannet::{COLOR, depth_of, scaled};
 use super::seven_scenes::pose;
 use super::{
     ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out, list,
-    unread_left_out,
+    own_name, unread_left_out,
 };
 use crate::counted::counted;
 use crate::datasets::listed::is_there;
@@ -37,11 +37,11 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let stem = image.file_stem().unwrap_or_default().to_string_lossy();
         let file = src.join("pose").join(format!("{stem}.txt"));
         if !is_there(&file) {
-            without.push(base_name(&image));
+            without.push(own_name(&image));
             continue;
         }
         let Some(pose) = pose(&TextFile::read(&file)?)? else {
-            lost.push(base_name(&image));
+            lost.push(own_name(&image));
             continue;
         };
         let mut camera = original;

@@ -20,7 +20,7 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out,
+    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out, own_name,
     unread_left_out,
 };
 use crate::counted::counted;
@@ -64,7 +64,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let (images, mut unread) = images_and_unread(&folder)?;
     unread.retain(|name| name.contains(COLOR));
     for image in images {
-        let name = base_name(&image);
+        let name = own_name(&image);
         let Some((stem, _)) = name.split_once(COLOR) else {
             continue; // depth images lie beside
         };

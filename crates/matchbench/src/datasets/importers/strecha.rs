@@ -14,7 +14,8 @@ use nalgebra::{Isometry3, Matrix3};
 
 use super::list::check_camera_size;
 use super::{
-    ImportOptions, Imported, base_name, images_and_unread, images_left_out, unread_left_out,
+    ImportOptions, Imported, base_name, images_and_unread, images_left_out, own_name,
+    unread_left_out,
 };
 use crate::counted::counted;
 use crate::datasets::native::parse_camera;
@@ -38,7 +39,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     let (images, unread) = images_and_unread(&folder)?;
     for image in images {
         let Some(file) = camera_file(&image, &places) else {
-            left_out.push(base_name(&image));
+            left_out.push(own_name(&image));
             continue;
         };
         let file = TextFile::read(&file)?;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Distortion, Lens};
 
-use super::{ImportOptions, Imported, base_name, given_camera, images_left_out};
+use super::{ImportOptions, Imported, base_name, given_camera, images_left_out, own_name};
 use crate::datasets::text::TextFile;
 use crate::datasets::trajectory::parse_tum;
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
@@ -98,11 +98,12 @@ fn camera(src: &Path, options: &ImportOptions<'_>) -> Result<Camera, DatasetErro
     if let Some(camera) = given_camera(src, options, &["camera.txt", "K.txt"])? {
         return Ok(camera);
     }
-    let name = base_name(src);
-    calibration(&name).ok_or_else(|| {
+    // A link that is named so tells it as well as the folder that it points to.
+    let names = [own_name(src), base_name(src)];
+    names.iter().find_map(|name| calibration(name)).ok_or_else(|| {
         DatasetError::new(
             src,
-            format!("`{name}` does not tell whether this is freiburg1, 2 or 3"),
+            format!("`{}` does not tell whether this is freiburg1, 2 or 3", names[1]),
             "put camera.txt (3x3, optionally k1 k2 p1 p2 k3 below) into the folder, or name it so",
         )
     })
