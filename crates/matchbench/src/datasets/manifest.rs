@@ -13,7 +13,7 @@
 //!
 //! [[frames]]                       # one per frame, in order
 //! image = "rgb/1305031452.791720.png"
-//! name = "1305031452.791720.png"   # what a copied or linked image was called, if not so
+//! name = "1305031452.791720.png"   # what the image was called, if not so
 //! depth = "depth/1305031452.809301.png"
 //! camera = { fx = 517.3, fy = 516.5, cx = 318.6, cy = 255.3 }   # where it has its own
 //! turn = 1                         # quarter turns counterclockwise before it is looked at;

@@ -25,8 +25,9 @@ pub struct Sequence {
 pub struct Frame {
     /// The image file.
     pub image: PathBuf,
-    /// What the image was called before it was copied or linked into the dataset, if that is known and another name:
-    /// its path below the folder of all images, with `/`. Files of matches may name it so.
+    /// What the image was called before it was copied or linked into the dataset, or what the link to it was called, if
+    /// that is known and another name: its path below the folder of all images, with `/`. Files of matches may name it
+    /// so.
     pub name: Option<String>,
     /// How its stored pixels are turned before they are used.
     pub turn: Turn,

@@ -7,14 +7,14 @@
 use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use image::ExtendedColorType;
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{FloatImage, GrayImage, Size};
 use rayon::prelude::*;
 
-use super::bring::{bring, common_folder, former_names, real_path};
+use super::bring::{bring, former_names, refer_to_images};
 use super::depth::{DepthUnit, stored_value};
 use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
@@ -237,39 +237,6 @@ fn describe(sequence: &Sequence, about: &About) -> Manifest {
         frames,
         ..Manifest::default()
     }
-}
-
-fn refer_to_images(manifest: &mut Manifest, sequence: &Sequence) -> Result<(), DatasetError> {
-    let images = sequence
-        .frames
-        .iter()
-        .map(|frame| real_path(&frame.image))
-        .collect::<Result<Vec<_>, _>>()?;
-    let depths = (sequence.frames.iter())
-        .map(|frame| {
-            frame
-                .depth
-                .as_ref()
-                .map(|file| real_path(&file.path))
-                .transpose()
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let all: Vec<PathBuf> = images
-        .iter()
-        .chain(depths.iter().flatten())
-        .cloned()
-        .collect();
-    let root = common_folder(&all);
-    manifest
-        .frames
-        .resize(images.len(), ManifestFrame::default());
-    let relative = |path: &PathBuf| path.strip_prefix(&root).unwrap_or(path).to_owned();
-    for (frame, (image, depth)) in manifest.frames.iter_mut().zip(images.iter().zip(&depths)) {
-        frame.image = Some(relative(image));
-        frame.depth = depth.as_ref().map(relative);
-    }
-    manifest.image_root = Some(root);
-    Ok(())
 }
 
 /// How the depth of a sequence is stored, if it has any.

@@ -2,8 +2,8 @@
 //!
 //! Names are understood as [`ImageNames`] says. The root of a tool may lie above that of the dataset. So if a file has
 //! no name that is the end of a path, its names are looked up without their first folders. If it has some, its other
-//! names mean other images, such as those of other scenes. Images that were copied or linked into the dataset answer to
-//! their former names too, and the file means whichever finds more pairs.
+//! names mean other images, such as those of other scenes. Images that were copied or linked into the dataset, or that
+//! are behind links, answer to their former names too, and the file means whichever finds more pairs.
 
 use std::fmt;
 use std::path::Path;
@@ -68,7 +68,7 @@ pub enum NamedBy {
     Image,
     /// By the name of the image without its first folders, which are those of another root.
     ImageEnd,
-    /// By the name that the image had before it was copied or linked into the dataset.
+    /// By the name that the image had before it was copied or linked into the dataset, or that the link to it had.
     Former,
     /// By that name without its first folders.
     FormerEnd,
