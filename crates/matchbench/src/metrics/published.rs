@@ -65,6 +65,7 @@ pub(super) fn each_published(
             Err(error) => each.push(FileResults {
                 file: folder,
                 truth: None,
+                has_own_truth: false,
                 results: Err(error),
             }),
             Ok(Some(Judged {
@@ -82,6 +83,7 @@ pub(super) fn each_published(
                     }
                     .fingerprint()
                 };
+                let has_own_truth = of_dataset.is_none();
                 let whole = of_dataset.and_then(|dir| Sequence::open(&dir).ok());
                 let truth = match whole {
                     Some(sequence) => sequence.fingerprint(),
@@ -93,6 +95,7 @@ pub(super) fn each_published(
                     each.push(FileResults {
                         file,
                         truth,
+                        has_own_truth,
                         results,
                     });
                 }

@@ -32,6 +32,8 @@ pub struct FileResults {
     /// its [fingerprint](crate::datasets::Sequence::fingerprint), else that of the listed pairs alone. A run has
     /// it in its plan.
     pub truth: Option<String>,
+    /// Whether that truth came with the results, as a `groundtruth.txt` beside them.
+    pub has_own_truth: bool,
     /// What stands in it.
     pub results: Result<ResultSet, ResultsError>,
 }
@@ -74,6 +76,7 @@ pub(super) fn each_of_run(run: &RunFolder) -> Result<Vec<FileResults>, ResultsEr
             each.push(FileResults {
                 file,
                 truth: None,
+                has_own_truth: false,
                 results,
             });
         }

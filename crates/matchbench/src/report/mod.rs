@@ -68,7 +68,7 @@ pub use dataset_facts::DatasetFacts;
 pub use difference::{Duel, Side};
 pub use difference_files::write_differences;
 pub use folder::{write_inner_report, write_report};
-pub use leaderboard::{Group, Leaderboard, Refused, Row, Source, leaderboard};
+pub use leaderboard::{Errors, Group, Leaderboard, Refused, Row, Source, leaderboard};
 pub use leaderboard_files::write_leaderboard;
 pub use numbers::{fixed, p_value, signed};
 pub use of_results::of_results;

@@ -111,7 +111,7 @@ fn row_of(row: &Row, shown: &[&ScoreKind]) -> Value {
         hash => &source.blake3,
         short_hash => source.blake3.get(..12).unwrap_or(&source.blake3),
         version => &source.version,
-        checked => source.checked,
+        errors => source.errors.words(),
         commands => &source.commands,
         note => &source.note,
     }

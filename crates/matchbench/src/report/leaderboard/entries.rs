@@ -17,7 +17,7 @@ use crate::records::{DatasetPlan, EstimatorPlan, MatcherPlan, Plan, RunFolder};
 
 use super::super::command_line::{self, CommandLine, Origin};
 use super::truth::{Truth, Truths, check};
-use super::{Refused, Source};
+use super::{Errors, Refused, Source};
 
 /// All that was found.
 #[derive(Debug, Default)]
@@ -180,7 +180,11 @@ impl Reader<'_> {
                 file: below_folder(run.path(), &file),
                 blake3: hash(&file)?,
                 version: plan.version.clone(),
-                checked,
+                errors: if checked {
+                    Errors::Checked
+                } else {
+                    Errors::Stated
+                },
                 commands: again
                     .into_iter()
                     .chain([rescore])
@@ -212,6 +216,7 @@ impl Reader<'_> {
         FileResults {
             file,
             truth,
+            has_own_truth,
             results,
         }: FileResults,
     ) -> Result<Scored, String> {
@@ -230,6 +235,14 @@ impl Reader<'_> {
             words.extend(["--datasets".to_owned(), datasets]);
         }
         words.extend(["--format", "csv"].map(str::to_owned));
+        let (errors, note) = if has_own_truth {
+            let note =
+                "result files: their scoring can be done again, by the truth that came with them";
+            (Errors::OwnTruth, note)
+        } else {
+            let note = "result files: their scoring can be done again";
+            (Errors::Checked, note)
+        };
         Ok(Scored {
             fingerprint: truth.unwrap_or_default(),
             listed: set.pairs.len(),
@@ -237,9 +250,9 @@ impl Reader<'_> {
                 file: below_folder(folder, &file),
                 blake3: hash(&file)?,
                 version: String::new(),
-                checked: true,
+                errors,
                 commands: vec![CommandLine::new(words).to_string()],
-                note: "result files: their scoring can be done again".to_owned(),
+                note: note.to_owned(),
                 entry,
             },
             set,

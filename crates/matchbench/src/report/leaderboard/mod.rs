@@ -83,13 +83,35 @@ pub struct Source {
     pub blake3: String,
     /// The version of matchbench that ran it; empty if it was another program.
     pub version: String,
-    /// Whether the stated errors were checked, by computing them again from the poses and the truth. For result
-    /// files this is always so.
-    pub checked: bool,
+    /// What its errors rest on.
+    pub errors: Errors,
     /// The commands that compute it again.
     pub commands: Vec<String>,
     /// What the commands need, in words; may be empty.
     pub note: String,
+}
+
+/// What the errors of a row rest on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Errors {
+    /// Computed from the estimates, by the truth of a dataset that is at hand.
+    Checked,
+    /// Stated by the records, since the dataset is not at hand.
+    #[default]
+    Stated,
+    /// Computed from the poses, by a truth that was handed in beside them: whoever did so could choose it.
+    OwnTruth,
+}
+
+impl Errors {
+    /// The same as the page says it.
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Checked => "checked",
+            Self::Stated => "as stated",
+            Self::OwnTruth => "by its own truth",
+        }
+    }
 }
 
 /// Reads what lies below `folder`: folders of runs, and folders of results in the authors' layout. `datasets`
