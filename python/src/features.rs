@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use matchbench::counted::counted;
-use matchbench::external::is_inside;
+use matchbench::external::{is_inside, wrong_angle};
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
@@ -159,8 +159,8 @@ fn lies_at(centre: [f32; 2], at: &Point2<f64>) -> bool {
 impl Features {
     /// Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
     /// bits), and width and height of the image, in which the keypoints lie. `bits` is the number of bits of a row of bytes that are used; default: all. Every
-    /// number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
-    /// whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints.
+    /// number must be finite, except that an angle is NaN if there is none. Angles are radians, from -2 pi to 2 pi.
+    /// Sizes must not be below 0. Octaves are whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints.
     #[staticmethod]
     #[pyo3(signature = (keypoints, descriptors, image_size, *, sizes=None, angles=None, responses=None,
                         octaves=None, lafs=None, bits=None, origin="center"))]
@@ -207,6 +207,9 @@ impl Features {
             read(angles, "angles", f32::NAN)?,
         );
         check_sizes(&sizes)?;
+        if let Some(wrong) = wrong_angle(&angles) {
+            return Err(PyValueError::new_err(format!("`angles`: {wrong}")));
+        }
         let responses = read(responses, "responses", 0.0)?;
         let octaves = octaves_of(&read(octaves, "octaves", 0.0)?)?;
         let keypoints: Vec<_> = (0..at.len())

@@ -333,6 +333,21 @@ def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
         mb.Features.from_arrays(image_size=(10, 10), **arrays)
 
 
+def test_angles_are_radians_and_not_opencvs_degrees():
+    def made(angles):
+        arrays = np.zeros((len(angles), 2)), np.zeros((len(angles), 8), np.float32)
+        return mb.Features.from_arrays(*arrays, (10, 10), angles=angles)
+
+    degrees = np.array([-1, 0, 90, 360], np.float32)  # -1: none
+    with pytest.raises(ValueError, match="`angles`: radians .* row 2 is 90. cv2 has degrees, .*; give ") as caught:
+        made(degrees)
+    radians = eval(str(caught.value).split("; give ", 1)[1], {"angles": degrees, "numpy": np})
+    assert np.array_equal(made(radians).angles, radians, equal_nan=True) and np.isnan(radians[0])
+    with pytest.raises(ValueError, match="`angles`: every row is -1"):
+        made([-1, -1])
+    assert made([-1]).angles.tolist() == [-1]
+
+
 def test_octaves_are_levels_and_not_opencvs_packed_numbers():
     def made(octaves):
         return mb.Features.from_arrays(np.zeros((3, 2)), np.zeros((3, 8), np.float32), (10, 10), octaves=octaves)

@@ -91,8 +91,8 @@ class Features:
     ) -> Features:
         """Features from your own arrays: keypoints n x 2 (x, y in pixels), descriptors n x d (float32, or uint8 for
         bits), and width and height of the image, in which the keypoints lie. `bits` is the number of bits of a row of bytes that are used; default: all. Every
-        number must be finite, except that an angle is NaN if there is none. Sizes must not be below 0. Octaves are
-        whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints."""
+        number must be finite, except that an angle is NaN if there is none. Angles are radians, from -2 pi to 2 pi.
+        Sizes must not be below 0. Octaves are whole numbers from -32768 to 32767. The centres of `lafs` are the keypoints."""
     @property
     def keypoints(self) -> NDArray[np.float32]:
         """n x 2: x, y in pixels of the image; the centre of the first pixel is (0, 0)."""

@@ -6,11 +6,12 @@
 //! | `keypoints` | n x 2 | float | x and y in pixels of the original image |
 //! | `descriptors` | n x d | float16, float32 or uint8 | bits in bytes, lowest first, if `hamming` is set |
 //! | `scales` | n | float | diameter of what was described, in pixels; default: 1 |
-//! | `angles` | n | float | orientation in radians, from x towards y; default: none |
+//! | `angles` | n | float | orientation in radians, from x towards y; NaN: none; default: none |
 //! | `scores` | n | float | strength, higher is better; default: 0 |
 //!
 //! Bytes without `hamming` are real values, as in COLMAP's SIFT.
 
+use std::f32::consts::TAU;
 use std::path::Path;
 
 use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
@@ -25,6 +26,8 @@ use crate::memory::{Reserved, TooMuch, reserve};
 const MAX_FEATURES: usize = 1_000_000;
 /// Longest descriptor, in values or bytes.
 const LONGEST_DESCRIPTOR: usize = 4096;
+/// Largest angle in radians: a turn, with room for rounding.
+const LARGEST_ANGLE: f32 = TAU + 0.01;
 /// Arrays that are known.
 const KNOWN: [&str; 5] = ["keypoints", "descriptors", "scales", "angles", "scores"];
 
@@ -67,6 +70,9 @@ pub(super) fn read_features(
     let points = array(&mut file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
     let mut column = |name: &str| array(&mut file, name, &[count]);
     let (scales, angles, scores) = (column("scales")?, column("angles")?, column("scores")?);
+    if let Some(wrong) = angles.as_deref().and_then(wrong_angle) {
+        return Err(format!("its `angles`: {wrong}"));
+    }
     let keypoint = |index: usize| {
         let [x, y] = [2 * index, 2 * index + 1].map(|at| points[at] - pixel_center);
         if !is_inside(x, y, size) {
@@ -79,7 +85,7 @@ pub(super) fn read_features(
         Ok(Keypoint {
             at: Point2::new(x, y),
             size: at(&scales).unwrap_or(1.0),
-            angle: at(&angles),
+            angle: at(&angles).filter(|angle| !angle.is_nan()),
             response: at(&scores).unwrap_or(0.0),
             octave: 0,
         })
@@ -94,7 +100,22 @@ pub(super) fn read_features(
     ))
 }
 
-/// The values of an array, if it is there: of this shape, and all finite.
+/// What is wrong with angles in radians, of which those that are NaN are none: one is more than a turn, as degrees are,
+/// or all are the -1 by which cv2 says that there is none.
+pub fn wrong_angle(angles: &[f32]) -> Option<String> {
+    const REMEDY: &str = "cv2 has degrees, and -1 where there is none; give \
+                          numpy.where(angles < 0, numpy.nan, numpy.deg2rad(angles))";
+    if let Some(row) = angles.iter().position(|angle| angle.abs() > LARGEST_ANGLE) {
+        let angle = angles[row];
+        return Some(format!(
+            "radians are from -2 pi to 2 pi, and row {row} is {angle}. {REMEDY}"
+        ));
+    }
+    (angles.len() > 1 && angles.iter().all(|angle| *angle == -1.0))
+        .then(|| format!("every row is -1, and these are radians. {REMEDY}"))
+}
+
+/// The values of an array, if it is there: of this shape, and all finite, or NaN among `angles`.
 fn array(file: &mut Npz, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>, String> {
     let found = file.find(name);
     let Some(array) = found.map_err(|error| format!("its file of features: {}", error.what()))?
@@ -108,7 +129,8 @@ fn array(file: &mut Npz, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>
         ));
     }
     let values = array.to_f32();
-    match values.iter().find(|value| !value.is_finite()) {
+    let is_wrong = |value: &&f32| !(value.is_finite() || (value.is_nan() && name == "angles"));
+    match values.iter().find(is_wrong) {
         Some(value) => Err(format!("its `{name}` hold {value}")),
         None => Ok(Some(values)),
     }
@@ -194,6 +216,50 @@ mod tests {
         ];
         let all = read(&more, 2, false).unwrap().keypoints[1];
         assert_eq!((all.size, all.angle, all.response), (4.0, Some(1.0), 0.5));
+    }
+
+    #[test]
+    fn angles_are_radians_or_none() {
+        let kept = |angles: &[f32]| {
+            let count = angles.len();
+            let column = |values: &[f32]| floats(&format!("({count},)"), values);
+            let rows = |values: &[f32]| floats(&format!("({count}, 2)"), values);
+            let arrays = [
+                ("keypoints", rows(&vec![5.0; 2 * count])),
+                ("descriptors", rows(&vec![1.0; 2 * count])),
+                ("angles", column(angles)),
+            ];
+            let found = read(&arrays, count, false)?;
+            let angles = found.keypoints.iter().map(|keypoint| keypoint.angle);
+            Ok::<_, String>(angles.collect::<Vec<_>>())
+        };
+        let turn = 360f32.to_radians();
+        for angles in [
+            &[-1.0][..],
+            &[-1.0, f32::NAN],
+            &[turn, -turn],
+            &[f32::NAN; 2],
+            &[],
+        ] {
+            let expected = angles
+                .iter()
+                .map(|angle| (!angle.is_nan()).then_some(*angle));
+            assert_eq!(kept(angles), Ok(expected.collect()), "{angles:?}");
+        }
+        for (angles, named) in [
+            ([0.0, 6.5], "row 1 is 6.5"),
+            ([-90.0, 1.0], "row 0 is -90"),
+            ([-1.0, -1.0], "every row is -1"),
+        ] {
+            let wrong = kept(&angles).unwrap_err();
+            assert!(
+                wrong.starts_with("its `angles`: ")
+                    && wrong.contains(named)
+                    && wrong.contains("cv2 has degrees"),
+                "{wrong}"
+            );
+        }
+        assert_eq!(kept(&[f32::INFINITY]).unwrap_err(), "its `angles` hold inf");
     }
 
     #[test]
