@@ -5,7 +5,7 @@
 //! the same numbers back.
 
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::Path;
 
@@ -21,7 +21,7 @@ use super::manifest::{self, Manifest, ManifestFrame};
 use super::native::{CAMERA, HOMOGRAPHIES, PAIRS, POSES};
 use super::text::matrix_rows;
 use super::{About, DatasetError, Frame, Sequence};
-use crate::files::{HELD, PREFIX, hold, remove_leftovers};
+use crate::files::HiddenFolder;
 
 const INFALLIBLE: &str = "writing to a string cannot fail";
 
@@ -86,20 +86,8 @@ pub(super) fn write_folder(
     out: &Path,
     write: impl FnOnce(&Path) -> Result<(), DatasetError>,
 ) -> Result<(), DatasetError> {
-    let absolute = std::path::absolute(out).map_err(|error| DatasetError::io(out, &error))?;
-    let parent = absolute.parent().unwrap_or(&absolute);
-    fs::create_dir_all(parent).map_err(|error| DatasetError::io(parent, &error))?;
-    remove_leftovers(parent);
-    // Only the user can read the temporary folder. The folder inside it has ordinary permissions.
-    let hidden = tempfile::Builder::new()
-        .prefix(&format!("{PREFIX}folder-"))
-        .tempdir_in(parent)
-        .map_err(|error| DatasetError::io(parent, &error))?;
-    let held = hidden.path().join(HELD);
-    let held = File::create(&held).map_err(|error| DatasetError::io(&held, &error))?;
-    hold(&held);
-    let staged = hidden.path().join("folder");
-    fs::create_dir(&staged).map_err(|error| DatasetError::io(&staged, &error))?;
+    let hidden = HiddenFolder::beside(out).map_err(|error| DatasetError::io(out, &error))?;
+    let staged = hidden.path();
     write(&staged)?;
     put(&staged, out)
 }

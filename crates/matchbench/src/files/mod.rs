@@ -5,11 +5,12 @@
 //! the memory. Files that may be larger than memory are read by `LineBlocks`, and texts of others by `read_lines`,
 //! which refuses a line without an end. [`write_whole`] replaces regular files; if a name leads to something else,
 //! it writes into that. `link_in` finds links where writing must not follow them. An `Appender` appends to files.
-//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed. A [`TemporaryFolder`] is for
-//! what nobody keeps.
+//! [`remove_leftovers`] finds and removes incomplete files of processes that were killed. A whole folder is filled as a
+//! `HiddenFolder` first. A [`TemporaryFolder`] is for what nobody keeps.
 
 mod append;
 mod calls;
+mod hidden;
 mod leftovers;
 mod lines;
 mod links;
@@ -21,7 +22,8 @@ mod write;
 pub(crate) use append::Appender;
 #[cfg(test)]
 pub(crate) use calls::{Call, Fault, break_calls};
-pub(crate) use leftovers::{HELD, PREFIX, hold};
+pub(crate) use hidden::HiddenFolder;
+pub(crate) use leftovers::{PREFIX, hold};
 pub use leftovers::{remove_leftovers, remove_leftovers_below};
 pub(crate) use lines::{LineBlock, LineBlocks, LineError};
 pub(crate) use links::{is_link, link_in, link_on_the_way, place_of, refuse_link, refuse_links};

@@ -467,7 +467,7 @@ impl RunWriter {
 
 /// Refuses a folder in which a file of a run, of its logs or of its cache is a link, or a folder of them. Logs are
 /// opened before, and refuse links by themselves, as files of a report do.
-fn refuse_links(folder: &Path) -> Result<(), FolderError> {
+pub(super) fn refuse_links(folder: &Path) -> Result<(), FolderError> {
     let entries = fs::read_dir(folder).map_err(FolderError::io("read", folder))?;
     let link = entries.flatten().find_map(|entry| {
         let is_report = entry.file_name() == REPORT;
@@ -479,12 +479,12 @@ fn refuse_links(folder: &Path) -> Result<(), FolderError> {
 /// What one process holds of a folder: the file that all versions of this program lock, and, where the
 /// system can lock folders, the folder itself, which nobody deletes by accident.
 #[derive(Debug)]
-struct Locks {
+pub(super) struct Locks {
     _file: File,
     _folder: Option<File>,
 }
 
-fn lock(folder: &Path) -> Result<Locks, FolderError> {
+pub(super) fn lock(folder: &Path) -> Result<Locks, FolderError> {
     let path = folder.join(LOCK);
     if let Ok(there) = fs::metadata(&path) {
         regular(&there).map_err(FolderError::io("lock", &path))?;

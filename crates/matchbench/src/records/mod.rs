@@ -18,6 +18,7 @@ mod parts;
 mod plan;
 mod record;
 pub mod shards;
+mod staged;
 pub mod store;
 mod tasks;
 mod tuned;

@@ -6,7 +6,8 @@
 //! the run grew and was stopped (`earlier`): it waits in the joined run then. A native matcher has the same
 //! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
 //!
-//! All that is joined is read and checked before anything is written. The result is a run like any other: it can be
+//! All that is joined is read and checked before anything is written, and the run appears when all of it is written, see
+//! [`staged`](super::staged): whatever stops a join, it can be repeated. The result is a run like any other: it can be
 //! scored, reported, and go on.
 
 mod plan;
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 
 use super::images::{FIRST_WITH_NOTES, ImageNotes};
 use super::line::to_line;
+use super::staged::StagedRun;
 use super::{
     DatasetPlan, FolderError, MatcherPlan, MatchesFile, Plan, RunFolder, RunWriter, StoreError,
     Tuned, check_tasks, earlier, matches, store,
@@ -135,7 +137,8 @@ pub struct Joined {
 /// Joins these `runs` into a new one in the folder `out`.
 ///
 /// # Errors
-/// If one is no run or damaged, if they contradict each other, or if `out` holds a run or cannot be written to.
+/// If one is no run or damaged, if they contradict each other, or if `out` holds a run or cannot be written to. No run is
+/// left then.
 pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
     if RunFolder::is_at(out) {
         return Err(JoinError::Taken { out: out.into() });
@@ -149,19 +152,21 @@ pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
     tuned
         .iter()
         .try_for_each(|tuned| tuned.check(&plan, &noted))?;
-    let writer = RunWriter::start(out, plan)?;
+    let staged = StagedRun::start(out, plan)?;
+    let writer = staged.writer();
     if !tuned.is_empty() {
         writer.note_tuned(&tuned)?;
     }
-    images.write(&writer)?;
-    let plan = writer.folder().plan();
+    images.write(writer)?;
+    let folder = writer.folder();
     let mut done = Joined {
-        planned: planned(plan),
+        planned: planned(folder.plan()),
         ..Joined::default()
     };
     for taken in &taken {
-        taken.write(out, &mut done)?;
+        taken.write(folder.path(), &mut done)?;
     }
+    staged.finish()?;
     Ok(done)
 }
 

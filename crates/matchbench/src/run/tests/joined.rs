@@ -2,6 +2,7 @@
 
 use super::outside::Flaky;
 use super::*;
+use crate::files::{Fault, break_calls};
 use crate::records::{JoinError, Joined, RunFolder, join};
 
 /// Runs these contenders.
@@ -197,4 +198,56 @@ fn all_that_an_outside_matcher_found_on_a_dataset_comes_from_one_run() {
     assert_eq!(done.recorded, done.planned);
     assert_eq!(bench.records("all"), bench.records("both"));
     assert_eq!(bench.run("all").unwrap().now, 0);
+}
+
+#[test]
+fn a_join_that_breaks_off_leaves_no_run_and_can_be_repeated() {
+    let toy = Toy::default();
+    let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
+    bench.datasets = vec![dataset(bench.folder.path(), "office", 3)];
+    bench.run("a").unwrap();
+    bench.contenders = vec![toy.contender("bright", &["second"])];
+    bench.run("b").unwrap();
+    joined(&bench, &["a", "b"], "whole").unwrap();
+    let whole = bench.records("whole");
+    let mut interrupted = [0; 2];
+    for is_there in [false, true] {
+        for fault in [Fault::Error, Fault::Killed] {
+            for left in 0.. {
+                let out = format!("{is_there} {fault:?} {left}");
+                let note = bench.path(&out).join("note.txt");
+                if is_there {
+                    fs::create_dir(bench.path(&out)).unwrap();
+                    fs::write(&note, "ours").unwrap();
+                }
+                let broken = break_calls(bench.folder.path(), fault, left);
+                let ended = joined(&bench, &["a", "b"], &out);
+                let happened = broken.happened();
+                drop(broken);
+                if ended.is_ok() {
+                    assert_eq!(bench.records(&out), whole, "{out}, {happened:?}");
+                    assert_eq!(note.exists(), is_there);
+                    if happened.is_none() {
+                        break;
+                    }
+                    continue;
+                }
+                interrupted[usize::from(is_there)] += 1;
+                assert!(!RunFolder::is_at(&bench.path(&out)), "{out}, {happened:?}");
+                assert_eq!(bench.path(&out).exists(), is_there, "{out}");
+                match joined(&bench, &["a", "b"], &out) {
+                    Ok(_) => assert_eq!(bench.records(&out), whole, "{out}"),
+                    // Among the files of others, parts are moved one by one.
+                    Err(error) => assert!(
+                        is_there && error.to_string().contains("no plan.json beside it"),
+                        "{out}: {error}"
+                    ),
+                }
+            }
+        }
+    }
+    assert!(
+        interrupted.iter().all(|&times| times > 20),
+        "{interrupted:?}"
+    );
 }
