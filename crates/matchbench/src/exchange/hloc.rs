@@ -18,9 +18,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::export::numbered;
-use super::names::{PairName, splits};
+use super::names::{PairName, only, splits};
 use super::probe::{Content, Probe};
-use super::sparse::{keypoints, matched, row_by_row};
+use super::sparse::{certain, keypoints, matched, row_by_row};
 use super::{Contents, ExchangeError, Export, Format, RawMatches, ReadOptions, Source};
 use crate::arrays::{Hdf5, Hdf5Out};
 use crate::files::write_new;
@@ -104,7 +104,7 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
     let features = features.map(|(file, arrays)| Features::new(file, &arrays));
     let names = pairs.iter().map(|pair| {
         // The groups of keypoints have the names as they are, with `/`.
-        let groups = features.as_ref().and_then(|known| known.only_pair(pair));
+        let groups = (features.as_ref()).and_then(|known| only(known.of_pair(pair)));
         match groups {
             Some([a, b]) => PairName::Two(a.into(), b.into()),
             None => PairName::Joined(pair.clone(), separator(pair)),
@@ -167,12 +167,6 @@ impl Features {
             Some([group(a)?, group(b)?])
         })
     }
-
-    /// The groups of both images of a pair, if its name can be split in one way only.
-    fn only_pair(&self, pair: &str) -> Option<[&str; 2]> {
-        let mut splits = self.of_pair(pair);
-        splits.next().filter(|_| splits.next().is_none())
-    }
 }
 
 impl Source for Hloc {
@@ -196,10 +190,7 @@ impl Source for Hloc {
                 scores("scores")?.as_ref(),
             ),
             Some(features) => {
-                let [a, b] = features.of_pair(pair).next().ok_or_else(|| {
-                    let what = format!("it lacks the keypoints of an image of `{pair}`");
-                    ExchangeError::damaged(features.file.path(), what)
-                })?;
+                let [a, b] = certain(pair, features.of_pair(pair), &features.file)?;
                 let keypoints = |image| keypoints(&features.file, &format!("{image}/keypoints"));
                 matched(
                     &keypoints(a)?,

@@ -6,9 +6,9 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::names::PairName;
+use super::names::{PairName, only, splits};
 use super::probe::{Content, Probe};
-use super::sparse::{columns, keypoints};
+use super::sparse::{certain, columns, keypoints};
 use super::{Contents, ExchangeError, Format, Rating, RawMatches, ReadOptions, Source, bounded};
 use crate::arrays::{Array, Hdf5};
 
@@ -36,20 +36,14 @@ fn order(probe: &Probe) -> Option<[usize; 2]> {
     }
     let joins = |matches: &[String], keypoints: &[String]| {
         let keypoints: BTreeSet<_> = keypoints.iter().map(String::as_str).collect();
-        (matches.first()).is_some_and(|pair| split(pair, |name| keypoints.contains(name)).is_some())
+        let is_known = |names: [&str; 2]| names.iter().all(|name| keypoints.contains(*name));
+        (matches.first()).is_some_and(|pair| splits(pair, '-').any(is_known))
     };
     match (joins(other, one), joins(one, other)) {
         (true, _) => Some([0, 1]),
         (_, true) => Some([1, 0]),
         _ => None,
     }
-}
-
-/// Both names of a pair, which may have hyphens themselves.
-fn split(pair: &str, is_image: impl Fn(&str) -> bool) -> Option<[&str; 2]> {
-    (pair.match_indices('-'))
-        .map(|(at, _)| [&pair[..at], &pair[at + 1..]])
-        .find(|names| names.iter().all(|name| is_image(name)))
 }
 
 fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
@@ -62,17 +56,19 @@ fn open(probe: Probe, _: &ReadOptions) -> Result<Contents, ExchangeError> {
     }
     let (matches, pairs) = files.pop().expect("there are two");
     let (keypoints, images) = files.pop().expect("there are two");
+    let source = Imc {
+        images: images.into_iter().collect(),
+        keypoints,
+        matches,
+        pairs,
+    };
+    let name = |pair: &String| match only(source.of_pair(pair)) {
+        Some([a, b]) => PairName::Two(a.into(), b.into()),
+        None => PairName::Joined(pair.clone(), '-'),
+    };
     Ok(Contents {
-        pairs: pairs
-            .iter()
-            .map(|pair| PairName::Joined(pair.clone(), '-'))
-            .collect(),
-        source: Box::new(Imc {
-            images: images.into_iter().collect(),
-            keypoints,
-            matches,
-            pairs,
-        }),
+        pairs: source.pairs.iter().map(name).collect(),
+        source: Box::new(source),
     })
 }
 
@@ -81,6 +77,14 @@ struct Imc {
     images: BTreeSet<String>,
     matches: Hdf5,
     pairs: Vec<String>,
+}
+
+impl Imc {
+    /// Both images of a pair, however its name can be split: names may have hyphens themselves.
+    fn of_pair(&self, pair: &str) -> impl Iterator<Item = [&str; 2]> {
+        let image = |name: &str| self.images.get(name).map(String::as_str);
+        splits(pair, '-').filter_map(move |[a, b]| Some([image(a)?, image(b)?]))
+    }
 }
 
 impl Source for Imc {
@@ -94,10 +98,7 @@ impl Source for Imc {
 
     fn read(&self, index: usize) -> Result<RawMatches, ExchangeError> {
         let pair = &self.pairs[index];
-        let [a, b] = split(pair, |name| self.images.contains(name)).ok_or_else(|| {
-            let what = format!("it lacks the keypoints of an image of `{pair}`");
-            ExchangeError::damaged(self.keypoints.path(), what)
-        })?;
+        let [a, b] = certain(pair, self.of_pair(pair), &self.keypoints)?;
         let [a, b] = [
             keypoints(&self.keypoints, a)?,
             keypoints(&self.keypoints, b)?,

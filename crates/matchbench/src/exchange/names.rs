@@ -29,6 +29,11 @@ pub(super) fn splits(joined: &str, separator: char) -> impl Iterator<Item = [&st
         .map(move |(at, found)| [&joined[..at], &joined[at + found.len()..]])
 }
 
+/// The only one of the ways in which a name can be split, if it is the only one.
+pub(super) fn only<T>(mut splits: impl Iterator<Item = T>) -> Option<T> {
+    splits.next().filter(|_| splits.next().is_none())
+}
+
 /// What a file calls a pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PairName {

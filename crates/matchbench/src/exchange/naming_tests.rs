@@ -158,3 +158,50 @@ fn names_of_several_images_are_told() {
     assert_eq!((found.survey().found, found.survey().absent.len()), (1, 2));
     told(&found.survey().warnings.join("\n"));
 }
+
+/// Points are those of the images that the dataset has found in the name of the pair.
+#[test]
+fn a_joined_name_is_split_as_the_file_of_keypoints_says() {
+    let (folder, mut sequence) = dataset();
+    sequence.pairs.truncate(1);
+    for (id, separator) in [("imc", '-'), ("hloc", '_')] {
+        let joined = |names: [&str; 2]| format!("{}{separator}{}", names[0], names[1]);
+        let (ab, bc) = (joined(["a", "b"]), joined(["b", "c"]));
+        let pair = joined([&ab, "c"]);
+        let own = folder.path().join(format!("own-{id}"));
+        fs::create_dir(&own).unwrap();
+        for (frame, name) in sequence.frames.iter_mut().zip([&*ab, "c"]) {
+            frame.image = own.join(format!("{name}.png"));
+            GrayImage::new(400, 300).save(&frame.image).unwrap();
+        }
+        let read = |images: &[&str]| {
+            let files = folder.path().join(format!("{id} of {}", images.join(" ")));
+            fs::create_dir(&files).unwrap();
+            let (mut keypoints, mut matches) = (Hdf5Out::default(), Hdf5Out::default());
+            for (number, image) in images.iter().enumerate() {
+                let name = match id {
+                    "imc" => (*image).to_owned(),
+                    _ => format!("{image}/keypoints"),
+                };
+                keypoints.floats(name, &[1, 2], &[10.0 + 100.0 * number as f32, 20.0]);
+            }
+            match id {
+                "imc" => matches.integers(pair.clone(), &[2, 1], &[0, 0]),
+                _ => matches.integers(format!("{pair}/matches0"), &[1], &[0]),
+            }
+            keypoints.write(&files.join("keypoints.h5")).unwrap();
+            matches.write(&files.join("matches.h5")).unwrap();
+            let found = open(&files, &sequence, None).map_err(|error| error.to_string())?;
+            assert_eq!(found.understood().format, id);
+            let points = found.matches(0, 1).unwrap().unwrap().points;
+            Ok::<_, String>([points.a[0].x, points.b[0].x])
+        };
+        assert_eq!(read(&["a", &ab, "c"]), Ok([110.0, 210.0]), "{id}");
+        // Those of another pair, which the dataset does not have.
+        let other = read(&["a", &bc]).unwrap_err();
+        assert!(other.contains("none of its pairs"), "{id}: {other}");
+        let several = read(&["a", &bc, &ab, "c"]).unwrap_err();
+        let ways = format!("`{pair}` can be the pair `a` and `{bc}` and the pair `{ab}` and `c`");
+        assert!(several.contains(&ways), "{id}: {several}");
+    }
+}

@@ -6,6 +6,32 @@ use super::{ExchangeError, Rating, RawMatches, bounded};
 use crate::arrays::{Array, Hdf5};
 use crate::counted::counted;
 
+/// Both images of a pair, of all whose keypoints a `file` has: the names that its own can be split into.
+///
+/// # Errors
+/// If there are none, or several: those of the dataset do not tell which the file means.
+pub(super) fn certain<'f>(
+    pair: &str,
+    mut splits: impl Iterator<Item = [&'f str; 2]>,
+    file: &Hdf5,
+) -> Result<[&'f str; 2], ExchangeError> {
+    let first = splits.next().ok_or_else(|| {
+        let what = format!("it lacks the keypoints of an image of `{pair}`");
+        ExchangeError::damaged(file.path(), what)
+    })?;
+    let Some([c, d]) = splits.next() else {
+        return Ok(first);
+    };
+    let [a, b] = first;
+    Err(ExchangeError::new(
+        file.path(),
+        format!(
+            "`{pair}` can be the pair `{a}` and `{b}` and the pair `{c}` and `{d}`, and it has keypoints of all"
+        ),
+        "take those out that are of no pair, or give the images names that can be told apart",
+    ))
+}
+
 /// The matches of a pair, in the order of the first image's keypoints.
 ///
 /// # Errors
