@@ -23,12 +23,14 @@ use crate::pickled::{Reduced, by_method};
 #[pyclass(frozen, module = "matchbench._native")]
 pub(crate) struct Estimator {
     built: BuiltEstimator,
+    /// The parameters that were given, without those at their defaults.
+    given: Value,
 }
 
 impl Estimator {
-    /// The estimator, with its name and parameters.
-    pub(crate) fn built(&self) -> &BuiltEstimator {
-        &self.built
+    /// Its name, and the parameters that were given: what a run needs, where a protocol may set the others.
+    pub(crate) fn as_given(&self) -> (&str, &Value) {
+        (&self.built.id, &self.given)
     }
 
     /// Checks that `turns` and `growths`, if they are given, are used.
@@ -71,8 +73,9 @@ fn build(id: &str, params: &Value) -> PyResult<BuiltEstimator> {
 impl Estimator {
     #[new]
     fn new(id: &str, params: &str) -> PyResult<Self> {
-        let built = build(id, &parse(params)?)?;
-        Ok(Self { built })
+        let given = parse(params)?;
+        let built = build(id, &given)?;
+        Ok(Self { built, given })
     }
 
     /// Its name in commands, records and tables.
@@ -88,7 +91,7 @@ impl Estimator {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&str, String)) {
-        (py.get_type::<Self>(), (self.id(), self.params()))
+        (py.get_type::<Self>(), (self.id(), self.given.to_string()))
     }
 
     /// The relative pose of camera b from matched points, m x 2 in pixels.

@@ -30,12 +30,14 @@ use crate::pickled::{Reduced, by_method};
 #[pyclass(frozen, module = "matchbench._native")]
 pub(crate) struct Matcher {
     built: BuiltMatcher,
+    /// The parameters that were given, without those at their defaults.
+    given: Value,
 }
 
 impl Matcher {
-    /// The matcher, with its name and parameters.
-    pub(crate) fn built(&self) -> &BuiltMatcher {
-        &self.built
+    /// Its name, and the parameters that were given: what a run needs, where a protocol may set the others.
+    pub(crate) fn as_given(&self) -> (&str, &Value) {
+        (&self.built.id, &self.given)
     }
 }
 
@@ -54,8 +56,9 @@ fn build(id: &str, params: &Value) -> PyResult<BuiltMatcher> {
 impl Matcher {
     #[new]
     fn new(id: &str, params: &str) -> PyResult<Self> {
-        let built = build(id, &parse(params)?)?;
-        Ok(Self { built })
+        let given = parse(params)?;
+        let built = build(id, &given)?;
+        Ok(Self { built, given })
     }
 
     /// Its name in commands, records and tables.
@@ -71,7 +74,7 @@ impl Matcher {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&str, String)) {
-        (py.get_type::<Self>(), (self.id(), self.params()))
+        (py.get_type::<Self>(), (self.id(), self.given.to_string()))
     }
 
     /// The features of an image.

@@ -62,10 +62,10 @@ pub(crate) fn add_matchers(
                 study.matchers.push(name);
             }
             AnyMatcher::Native(matcher) => {
-                let built = matcher.get().built();
-                once("matchers", &study.matchers, &built.id)?;
-                change(study, &built.id, &built.params)?;
-                study.matchers.push(built.id.clone());
+                let (id, given) = matcher.get().as_given();
+                once("matchers", &study.matchers, id)?;
+                change(study, id, given)?;
+                study.matchers.push(id.to_owned());
             }
             AnyMatcher::Python(name, version, params, matching, extract, color) => {
                 let matcher = PythonMatcher {
@@ -103,10 +103,10 @@ pub(crate) fn add_estimators(study: &mut Study, estimators: &[AnyEstimator<'_>])
                 study.estimators.push(id.clone());
             }
             AnyEstimator::Built(estimator) => {
-                let built = estimator.get().built();
-                once("estimators", &study.estimators, &built.id)?;
-                change(study, &built.id, &built.params)?;
-                study.estimators.push(built.id.clone());
+                let (id, given) = estimator.get().as_given();
+                once("estimators", &study.estimators, id)?;
+                change(study, id, given)?;
+                study.estimators.push(id.to_owned());
             }
         }
     }
@@ -124,18 +124,19 @@ fn once(what: &str, named: &[String], id: &str) -> PyResult<()> {
     Ok(())
 }
 
-/// Gives the study the parameters of an object.
+/// Gives the study the parameters that an object was made with. The others stay as they are by name: their defaults, or
+/// what a protocol sets.
 ///
 /// # Errors
 /// If they are set otherwise too: `settings` are for what is given by name.
-fn change(study: &mut Study, id: &str, params: &Value) -> PyResult<()> {
+fn change(study: &mut Study, id: &str, given: &Value) -> PyResult<()> {
     if study.set.of(id).is_some() {
         let message = format!(
             "`{id}` is an object with parameters of its own, which are set once more; give them in one place"
         );
         return Err(value_error(message));
     }
-    let own = Changes::of_one(id, params.clone());
+    let own = Changes::of_one(id, given.clone());
     study.set = mem::take(&mut study.set).with(own);
     Ok(())
 }

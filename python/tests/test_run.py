@@ -5,6 +5,7 @@ import functools
 import json
 import os
 import pathlib
+import pickle
 import shutil
 import signal
 import subprocess
@@ -399,6 +400,24 @@ def test_protocols_are_those_of_the_command_line(dataset, tmp_path):
     assert sizes[1]["max_size"] == 200
     with pytest.raises(ValueError, match="did you mean `superglue`"):
         mb.run(dataset, "orb", out=tmp_path / "wrong", protocols="superglu", progress=False)
+
+
+def test_objects_have_what_a_protocol_sets_but_for_what_they_were_given(dataset, tmp_path):
+    def plan(name, matcher, estimator):
+        out = tmp_path / name
+        mb.run(dataset, matcher, estimator, out=out, protocols="loftr", limit=1, progress=False)
+        return json.loads((out / "plan.json").read_text())
+
+    by_name = plan("name", "orb", "ransac-e-inliers")
+    objects = mb.matcher("orb"), mb.estimator("ransac-e-inliers")
+    assert plan("objects", *objects) == by_name
+    assert plan("copies", *(pickle.loads(pickle.dumps(each)) for each in objects)) == by_name
+    given = plan("given", mb.matcher("orb", ratio=0.7), mb.estimator("ransac-e-inliers", threshold_px=1))
+    (own,), (other,) = (each["matchers"] for each in (by_name, given))
+    judged = [matcher["estimators"][0]["params"] for matcher in (own, other)]
+    assert [params["threshold_px"] for params in judged] == [0.5, 1]
+    assert judged[1] == {**judged[0], "threshold_px": 1} and judged[0]["confidence"] == 0.99999
+    assert other["params"] == {**own["params"], "ratio": 0.7} and own["params"]["extractor"]["max_size"] == 840
 
 
 def test_matches_are_read_from_files(dataset, tmp_path):

@@ -86,9 +86,10 @@ def run(
 
     `protocols` are evaluation protocols ("superglue"; `matchbench list protocols` describes them), or "all". A protocol
     sets the size of images of the library's matchers, the estimator, the unit of its threshold and the repetitions; several
-    share one set of matches. A program and a function see images as they are: a program is given its size by hand, if it
-    has a parameter for it (`settings="ID.max_size=640"`), and a function resizes them itself. `repeat` runs every pair so
-    many times with other random choices: once, unless a protocol says otherwise.
+    share one set of matches. The parameters that `matcher(...)` or `estimator(...)` was given, and `settings`, come before
+    those of a protocol. A program and a function see images as they are: a program is given its size by hand, if it has a
+    parameter for it (`settings="ID.max_size=640"`), and a function resizes them itself. `repeat` runs every pair so many
+    times with other random choices: once, unless a protocol says otherwise.
 
     `limit` takes the first pairs of each dataset alone, and `sample` so many pairs, evenly spread (out of the first
     ones, if there is a limit).
