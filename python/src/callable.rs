@@ -2,11 +2,15 @@
 //!
 //! The rules are those for a matcher that is a program. It gets images and nothing else (no cameras, no truth),
 //! and its answer is checked. If it raises an exception, the pair is recorded as failed with the text of the
-//! exception, and is tried again when the run is repeated. Its time is measured by the clock of the run, from
-//! the call on, without decoding. With several threads it contains the turns of the other threads: while a matcher
-//! is pure Python, only one of them computes.
+//! exception, and is tried again when the run is repeated.
+//!
+//! Pairs are matched one at a time, or as many at once as the matcher has `workers`; meanwhile the other threads of
+//! the run decode images and estimate. The time is measured by the clock of the run, from the call on, without
+//! decoding and without waiting for that turn. With several workers it contains the turns of the others: while a
+//! matcher is pure Python, only one of them computes.
 
 use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -32,6 +36,7 @@ use crate::arrays::{column, few, kind_of, points};
 use crate::datasets::{pixels, rgb_pixels};
 use crate::matchers::Matches;
 use crate::params::parse;
+use crate::queue::Queue;
 
 /// Number of images whose features are kept, since pairs are grouped by their first image.
 const KEPT: usize = 64;
@@ -50,6 +55,8 @@ pub(crate) struct PythonMatcher {
     pub(crate) extract: Option<Py<PyAny>>,
     /// Whether images are RGB.
     pub(crate) color: bool,
+    /// How many pairs it may be matching at once.
+    pub(crate) workers: NonZeroUsize,
 }
 
 impl PythonMatcher {
@@ -76,6 +83,7 @@ impl PythonMatcher {
                 extract: self.extract,
                 color: self.color,
                 known: Mutex::default(),
+                queue: Queue::new(self.workers),
                 cancel: cancel.clone(),
             }),
         })
@@ -88,22 +96,27 @@ struct InProcess {
     color: bool,
     /// Features and sizes of the images that were used last.
     known: Mutex<VecDeque<(PathBuf, Py<PyAny>, Size)>>,
+    /// Of the pairs that wait for their turn.
+    queue: Queue,
     cancel: Cancel,
 }
 
+/// What a matcher is called with for an image (its pixels, or its features), and the size of the image.
+type Input = (Py<PyAny>, Size);
+
 impl PointSource for InProcess {
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
+        let mut place = self.queue.line_up();
+        // While others are matched.
+        let decoded_a = self.decoded(pair.images[0])?;
+        let decoded_b = self.decoded(pair.images[1])?;
+        if !place.enter(&self.cancel) {
+            return Err(SourceError::Stopped);
+        }
         let mut seconds = SourceSeconds::default();
-        let [(a, size_a), (b, size_b)] = match &self.extract {
-            None => [self.pixels(pair.images[0])?, self.pixels(pair.images[1])?],
-            Some(extract) => {
-                let [time_a, time_b] = &mut seconds.extract;
-                [
-                    self.features(extract, pair.images[0], time_a)?,
-                    self.features(extract, pair.images[1], time_b)?,
-                ]
-            }
-        };
+        let [time_a, time_b] = &mut seconds.extract;
+        let (a, size_a) = self.input(pair.images[0], decoded_a, time_a)?;
+        let (b, size_b) = self.input(pair.images[1], decoded_b, time_b)?;
         Python::attach(|py| {
             let start = Instant::now();
             let answer = called(self.matching.bind(py), (a, b));
@@ -122,8 +135,14 @@ impl PointSource for InProcess {
 }
 
 impl InProcess {
+    /// The pixels of an image, unless its features are known.
+    fn decoded(&self, path: &Path) -> Result<Option<Input>, SourceError> {
+        let is_known = self.extract.is_some() && self.known(path).is_some();
+        (!is_known).then(|| self.pixels(path)).transpose()
+    }
+
     /// The pixels of an image, as an array, and its size.
-    fn pixels(&self, path: &Path) -> Result<(Py<PyAny>, Size), SourceError> {
+    fn pixels(&self, path: &Path) -> Result<Input, SourceError> {
         let planes = if self.color {
             read_planes(path)
         } else {
@@ -141,26 +160,33 @@ impl InProcess {
         })
     }
 
-    /// The features of an image and its size, and the time to compute them if they were not known.
-    fn features(
+    /// The features of an image, if they are known.
+    fn known(&self, path: &Path) -> Option<Input> {
+        // The lock is never held while Python runs.
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        Python::attach(|py| {
+            let found = known.iter().find(|(known, ..)| known == path);
+            found.map(|(_, features, size)| (features.clone_ref(py), *size))
+        })
+    }
+
+    /// What the matcher is called with for an image, which may have been `decoded` before, and the time to compute
+    /// features if they were not known.
+    fn input(
         &self,
-        extract: &Py<PyAny>,
         path: &Path,
+        decoded: Option<Input>,
         seconds: &mut Option<f64>,
-    ) -> Result<(Py<PyAny>, Size), SourceError> {
-        // The lock is never held while Python runs. Two threads may extract the same image; they get the same
-        // features.
-        let recall = || {
-            let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-            Python::attach(|py| {
-                let found = known.iter().find(|(known, ..)| known == path);
-                found.map(|(_, features, size)| (features.clone_ref(py), *size))
-            })
+    ) -> Result<Input, SourceError> {
+        let pixels = || decoded.map_or_else(|| self.pixels(path), Ok);
+        let Some(extract) = &self.extract else {
+            return pixels();
         };
-        if let Some(features) = recall() {
+        // Two workers may extract the same image; they get the same features.
+        if let Some(features) = self.known(path) {
             return Ok(features);
         }
-        let (pixels, size) = self.pixels(path)?;
+        let (pixels, size) = pixels()?;
         let features = Python::attach(|py| {
             let start = Instant::now();
             let features = called(extract.bind(py), (pixels,));

@@ -23,6 +23,7 @@ mod matchers;
 mod params;
 mod pickled;
 mod progress;
+mod queue;
 mod run;
 mod scores;
 mod show;

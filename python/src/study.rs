@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::mem;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use matchbench::config::Changes;
@@ -25,8 +26,17 @@ pub(crate) enum AnyMatcher<'py> {
     Name(String),
     /// A matcher of the library.
     Native(Bound<'py, Matcher>),
-    /// Written in Python: name, version, parameters as JSON, `match`, `extract`, whether images are in colour.
-    Python(String, String, String, Py<PyAny>, Option<Py<PyAny>>, bool),
+    /// Written in Python: name, version, parameters as JSON, `match`, `extract`, whether images are in colour, and how many
+    /// pairs may be matched at once.
+    Python(
+        String,
+        String,
+        String,
+        Py<PyAny>,
+        Option<Py<PyAny>>,
+        bool,
+        NonZeroUsize,
+    ),
     /// From files: the fields of [`MatchesFrom`].
     Files(
         String,
@@ -67,7 +77,7 @@ pub(crate) fn add_matchers(
                 change(study, id, given)?;
                 study.matchers.push(id.to_owned());
             }
-            AnyMatcher::Python(name, version, params, matching, extract, color) => {
+            AnyMatcher::Python(name, version, params, matching, extract, color, workers) => {
                 let matcher = PythonMatcher {
                     name,
                     version,
@@ -75,6 +85,7 @@ pub(crate) fn add_matchers(
                     matching,
                     extract,
                     color,
+                    workers,
                 };
                 sources.push(matcher.into_source(cancel)?);
             }

@@ -178,6 +178,16 @@ def test_other_code_is_another_version():
 
     assert version_of(Counting(3)) == version_of(Counting(4)), "what a method sets is what it remembers"
     assert version_of(Stated(3)) == version_of(Stated(4)), "params say what decides"
+    class Parallel(Staged):
+        workers = 2
+
+    class Serial(Staged):
+        pass
+
+    with_workers = Staged(3)
+    with_workers.workers = 4
+    assert version_of(with_workers) == version_of(Staged(3)), "workers change no result"
+    assert version_of(Parallel(3)) == version_of(Serial(3))
     by_constant = [eval("lambda a, b: (a, b, LIMIT)", {"LIMIT": limit}) for limit in (1, 1, 2)]
     assert version_of(by_constant[0]) == version_of(by_constant[1]) != version_of(by_constant[2])
     assert version_of(functools.partial(one, 1)) != version_of(functools.partial(one, 2))

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -10,7 +11,7 @@ from ._matchers import Matcher
 from ._matches_from import MatchesFrom
 from ._native import Dataset
 from ._native import Estimator as NativeEstimator
-from ._params import path, plain, refusal, several, text, to_json
+from ._params import path, plain, refusal, several, text, to_json, whole
 from ._versions import version_of
 
 _MATCHER = (
@@ -82,6 +83,9 @@ def any_matcher(name: str, given: Any) -> Any:
         matching, extract = given, None
     if not callable(matching):
         raise refusal(name, given, _MATCHER)
-    called = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
+    called = str(getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__)
     color = bool(getattr(given, "color", False))
-    return (str(called), version_of(given), to_json(getattr(given, "params", {})), matching, extract, color)
+    workers = whole(f"{called}.workers", getattr(given, "workers", 1), 1)
+    # More than can ever be at work are all of them.
+    workers = min(workers, sys.maxsize)
+    return (called, version_of(given), to_json(getattr(given, "params", {})), matching, extract, color, workers)

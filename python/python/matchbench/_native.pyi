@@ -338,7 +338,7 @@ def read_gray(path: _Path) -> NDArray[np.uint8]:
 _AnyMatcher = (
     str
     | Matcher
-    | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None, bool]
+    | tuple[str, str, str, Callable[..., Any], Callable[..., Any] | None, bool, int]
     | tuple[str, list[str], str | None, float | None, list[int] | None, bool, dict[str, str]]
 )
 

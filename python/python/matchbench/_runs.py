@@ -74,8 +74,9 @@ def run(
     `version`. Without one, a digest of its code, its constants and, unless it has `params`, its simple attributes is its
     version, so a run that was begun with others is refused; what the code calls elsewhere, arrays and weights are not
     seen.
-    It may be called from several threads, one at a time unless it releases the interpreter. If it raises an exception,
-    the pair failed; it is tried again when this call is repeated. `retry_failed` tries everything again that failed.
+    A run calls it for one pair at a time, from any of its threads. One whose calls may run at the same time says for how
+    many pairs, by `workers = 4`; its results must not depend on that. If it raises an exception, the pair failed; it is
+    tried again when this call is repeated. `retry_failed` tries everything again that failed.
 
     What other tools have matched is read from their files by `MatchesFrom(name, files)`.
 
@@ -97,9 +98,9 @@ def run(
     `keep_matches` says which matches are kept on disk, at 20 bytes each: "all" selected matches, which estimators that
     are added later can use; the "inliers" of each estimator; or "none".
 
-    After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised. The same call
-    continues from there. A call with more datasets, matchers, estimators, pairs or repetitions than before, into the same
-    folder, computes only these.
+    After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised; pairs that wait for
+    their turn with a matcher written in Python are not begun. The same call continues from there. A call with more
+    datasets, matchers, estimators, pairs or repetitions than before, into the same folder, computes only these.
     """
     datasets = some("dataset", dataset, "give at least one")
     contenders = [any_matcher("matchers", each) for each in some("matchers", matchers, 'give at least one, as in ["sift"]')]

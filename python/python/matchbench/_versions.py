@@ -3,9 +3,9 @@
 A run is refused if it was begun with other code, as with another version of a program. The digest has the bytecode,
 constants, defaults, closures and global constants of a function, or of all methods of a class with the constants of the
 class and, unless it has `params`, the attributes of the object; all of that as far as it is numbers, text, tuples and
-functions, and what the code itself does not change. It does not see what is called elsewhere, nor arrays or weights:
-whoever changes these states a `version`. Each version of Python has bytecode of its own, so the version of the matcher
-names it.
+functions, and what the code itself does not change. Attributes called `workers`, which change no result, are left out.
+It does not see what is called elsewhere, nor arrays or weights: whoever changes these states a `version`. Each version
+of Python has bytecode of its own, so the version of the matcher names it.
 """
 
 import dis
@@ -15,6 +15,8 @@ import sys
 import types
 from typing import Any
 
+# Attributes on which no result depends.
+_WITHOUT_EFFECT = {"workers"}
 _SIMPLE = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
 
@@ -74,9 +76,10 @@ def _parts(value: Any) -> list[Any]:
 
 
 def _own(given: type) -> dict[str, Any]:
-    """The methods and constants of a class, without what Python notes of it by itself (`__firstlineno__`, `__doc__`)."""
+    """The methods and constants of a class that decide on results, without what Python notes of it by itself
+    (`__firstlineno__`, `__doc__`)."""
     methods = (types.FunctionType, staticmethod, classmethod, property)
-    noted = {name for name in vars(given) if name.startswith("__") and name.endswith("__")}
+    noted = {name for name in vars(given) if name.startswith("__") and name.endswith("__")} | _WITHOUT_EFFECT
     return {name: value for name, value in vars(given).items() if name not in noted or isinstance(value, methods)}
 
 
@@ -84,7 +87,7 @@ def _state(given: object) -> dict[str, Any]:
     """The simple attributes of an object that none of its methods but `__init__` sets."""
     methods = [item for each in type(given).__mro__ for item in _own(each).items()]
     codes = [call.__code__ for name, call in methods if name != "__init__" and isinstance(call, types.FunctionType)]
-    changed = {name for code in codes for name in _named(code, "STORE_ATTR")}
+    changed = {name for code in codes for name in _named(code, "STORE_ATTR")} | _WITHOUT_EFFECT
     values = getattr(given, "__dict__", {})
     return {name: value for name, value in values.items() if isinstance(value, (*_SIMPLE, tuple)) and name not in changed}
 
