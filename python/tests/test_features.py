@@ -13,7 +13,7 @@ import pytest
 
 EVERY = [
     mb.SIFT, mb.SURF, mb.ORB, mb.BRISK, mb.KAZE, mb.AKAZE, mb.DLCO, mb.FREAK, mb.FREAKOnSIFT, mb.BinBoost,
-    mb.LATCH, mb.DAISY, mb.ASIFT, mb.ShearedSURF, mb.DSPSIFT,
+    mb.LATCH, mb.DAISY, mb.ASIFT, mb.ShearedSURF, mb.DSPSIFT, mb.RootSIFT,
 ]  # fmt: skip
 
 
@@ -32,6 +32,13 @@ def test_every_feature_fills_every_array(kind, images):
     assert found.descriptors.dtype == (np.float32 if found.bits is None else np.uint8)
     assert not found.keypoints.flags.writeable and found.keypoints is found.keypoints
     assert json.loads(json.dumps(kind().params)) == kind(**kind().params).params
+
+
+def test_rootsift_has_the_roots_of_sifts_descriptors(images):
+    plain, rooted = (kind(limit=50).extract(images[0]) for kind in (mb.SIFT, mb.RootSIFT))
+    assert len(plain) == 50 and np.array_equal(plain.keypoints, rooted.keypoints)
+    shares = plain.descriptors / plain.descriptors.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(rooted.descriptors, np.sqrt(shares), rtol=1e-5, atol=1e-7)
 
 
 @pytest.fixture(scope="module")

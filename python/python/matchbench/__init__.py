@@ -33,6 +33,7 @@ from ._features import (
     SURF,
     BinBoost,
     Extractor,
+    RootSIFT,
     ShearedSURF,
 )
 from ._matchers import Matcher, matcher
@@ -91,6 +92,7 @@ __all__ = [
     "Picture",
     "PoseEstimate",
     "ProtocolScores",
+    "RootSIFT",
     "Run",
     "SIFT",
     "SIFT_create",

@@ -41,6 +41,13 @@ class SIFT(Extractor):
     _matcher = "sift"
 
 
+class RootSIFT(Extractor):
+    """R. Arandjelovic, A. Zisserman, "Three things everyone should know to improve object retrieval", CVPR
+    2012: SIFT whose descriptors are compared by the Hellinger kernel."""
+
+    _matcher = "rootsift"
+
+
 class DSPSIFT(Extractor):
     """J. Dong, S. Soatto, "Domain-Size Pooling in Local Descriptors: DSP-SIFT", CVPR 2015. With
     `affine_shape`, ellipses are described."""
