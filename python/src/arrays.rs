@@ -392,6 +392,15 @@ where
     Ok(flat.reshape(shape)?.into_any())
 }
 
+/// One number for each item as an array, where they are known.
+pub(crate) fn known_column<'py>(
+    py: Python<'py>,
+    values: Option<&Vec<f32>>,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let known = values.map(|values| matrix(py, values.clone(), [values.len()]));
+    known.transpose()
+}
+
 /// The elements in the order of the array, whatever its strides.
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! Putative matches as arrays, and the searches that compute them from descriptors.
 
 use matchbench_vision::features::Features as Inner;
+use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::matching::{
     Correspondence, Correspondences, MutualCheck, NearestNeighbours, RatioTest, Search, Selector,
     SymmetricRatioTest, View,
@@ -8,15 +9,25 @@ use matchbench_vision::matching::{
 use matchbench_vision::seed::Seed;
 use pyo3::prelude::*;
 
-use crate::arrays::{column, index_pairs, matrix};
+use crate::arrays::{column, index_pairs, known_column, matrix};
 use crate::detached::detached;
-use crate::errors::value_error;
+use crate::errors::{error, value_error};
 use crate::features::Features;
 
 /// Pairs of indices (m x 2), distances, and distances to the second nearest.
 pub(crate) type Arrays<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// Nearest neighbours that pass a test: indices, distances, and distances to the second nearest; `match` calls it.
+/// [`Arrays`], then how far keypoints turned and how much they grew, where that is known.
+pub(crate) type Found<'py> = (
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Option<Bound<'py, PyAny>>,
+    Option<Bound<'py, PyAny>>,
+);
+
+/// Nearest neighbours that pass a test: indices, distances, distances to the second nearest, turns and growths; `match`
+/// calls it.
 #[pyfunction]
 #[pyo3(signature = (a, b, method, ratio=None))]
 pub(crate) fn search<'py>(
@@ -25,7 +36,7 @@ pub(crate) fn search<'py>(
     b: &Features,
     method: &str,
     ratio: Option<f32>,
-) -> PyResult<Arrays<'py>> {
+) -> PyResult<Found<'py>> {
     let (a, b) = (&*a.inner, &*b.inner);
     same_kind(a, b)?;
     if ratio.is_some() && matches!(method, "nn" | "mutual") {
@@ -59,7 +70,7 @@ pub(crate) fn search<'py>(
         }
         found
     })?;
-    arrays(py, &found)
+    found_arrays(py, &found, a, b)
 }
 
 /// Checks that two sets of features can be compared.
@@ -77,8 +88,17 @@ pub(crate) fn same_kind(a: &Inner, b: &Inner) -> PyResult<()> {
     }
 }
 
-/// The matches as arrays.
-pub(crate) fn arrays<'py>(py: Python<'py>, found: &[Correspondence]) -> PyResult<Arrays<'py>> {
+/// The matches of these features as arrays, with the turns and growths that a run gives to its estimators.
+///
+/// # Errors
+/// If a match names a feature that does not exist.
+pub(crate) fn found_arrays<'py>(
+    py: Python<'py>,
+    found: &[Correspondence],
+    a: &Inner,
+    b: &Inner,
+) -> PyResult<Found<'py>> {
+    let points = detached(py, || MatchedPoints::of_matches(found, a, b))?.map_err(error)?;
     let indices = found.iter().flat_map(|m| [i64::from(m.a), i64::from(m.b)]);
     Ok((
         matrix(py, indices.collect(), [found.len(), 2])?,
@@ -88,6 +108,8 @@ pub(crate) fn arrays<'py>(py: Python<'py>, found: &[Correspondence]) -> PyResult
             [found.len()],
         )?,
         matrix(py, found.iter().map(|m| m.second).collect(), [found.len()])?,
+        known_column(py, points.turns.as_ref())?,
+        known_column(py, points.growths.as_ref())?,
     ))
 }
 

@@ -15,9 +15,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use serde_json::Value;
 
-use crate::arrays::{image, index_pairs, matrix};
+use crate::arrays::{image, index_pairs, known_column, matrix};
 use crate::camera::Camera;
-use crate::correspondences::{Arrays, arrays, of_arrays, same_kind};
+use crate::correspondences::{Arrays, Found, found_arrays, of_arrays, same_kind};
 use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::estimators::matched;
@@ -84,12 +84,12 @@ impl Matcher {
         Ok(found.into())
     }
 
-    /// The putative matches of two images: indices, distances, and distances to the second nearest. Where the
-    /// matcher has a ratio test, features that fail it may have other neighbours than the two nearest.
-    fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Arrays<'py>> {
+    /// The putative matches of two images: indices, distances, distances to the second nearest, turns and growths. Where
+    /// the matcher has a ratio test, features that fail it may have other neighbours than the two nearest.
+    fn search<'py>(&self, py: Python<'py>, a: &Features, b: &Features) -> PyResult<Found<'py>> {
         same_kind(&a.inner, &b.inner)?;
         let found = detached(py, || self.built.matcher.search(&a.inner, &b.inner))?;
-        arrays(py, &found.map_err(error)?)
+        found_arrays(py, &found.map_err(error)?, &a.inner, &b.inner)
     }
 
     /// The putative matches that the matcher keeps.
@@ -103,7 +103,7 @@ impl Matcher {
         images: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
         cameras: Option<(Camera, Camera)>,
         #[pyo3(from_py_with = whole)] seed: u64,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found<'py>> {
         same_kind(&a.inner, &b.inner)?;
         let putative = of_arrays(putative, &a.inner, &b.inner)?;
         let images = match &images {
@@ -131,7 +131,7 @@ impl Matcher {
                 .matcher
                 .select(views[0], views[1], putative, seed)
         })?;
-        arrays(py, &kept.map_err(error)?)
+        found_arrays(py, &kept.map_err(error)?, &a.inner, &b.inner)
     }
 
     /// Matched points of two images: all stages, one after the other.
@@ -203,17 +203,6 @@ impl Matches {
     /// The matched points.
     pub(crate) fn points(&self) -> &MatchedPoints {
         &self.points
-    }
-
-    /// One number per match, where it is known.
-    fn column<'py>(
-        &self,
-        py: Python<'py>,
-        values: Option<&Vec<f32>>,
-    ) -> PyResult<Option<Bound<'py, PyAny>>> {
-        values
-            .map(|values| matrix(py, values.clone(), [self.points.len()]))
-            .transpose()
     }
 }
 
@@ -294,14 +283,14 @@ impl Matches {
     /// keypoints have no orientation.
     #[getter]
     fn turns<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        self.column(py, self.points.turns.as_ref())
+        known_column(py, self.points.turns.as_ref())
     }
 
     /// m: the natural logarithm of how many times as large the keypoint of b is as that of a, in pixels of each image;
     /// None if sizes are not known.
     #[getter]
     fn growths<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        self.column(py, self.points.growths.as_ref())
+        known_column(py, self.points.growths.as_ref())
     }
 
     /// m x 2: features of a and of b.

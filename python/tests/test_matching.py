@@ -114,6 +114,32 @@ def test_a_distance_that_is_no_number_is_refused_by_row(features):
     mb.gms(a.select([0, 1, 2]), b.select([0]), alone)
 
 
+def test_matches_know_how_keypoints_turned_and_grew_as_in_a_run(features, images, dataset):
+    a, b = features
+    found, whole = mb.match(a, b), mb.matcher("sift").match(*images)
+    assert np.array_equal(found.indices, whole.indices)
+    assert found.turns.tobytes() == whole.turns.tobytes() and found.growths.tobytes() == whole.growths.tobytes()
+    of_a, of_b = found.indices.T
+    np.testing.assert_allclose(found.turns, (b.angles[of_b] - a.angles[of_a]) % (2 * np.pi), atol=1e-6)
+    np.testing.assert_allclose(found.growths, np.log(b.sizes[of_b] / a.sizes[of_a]), atol=1e-6)
+
+    def pose(points_a, points_b, matches):
+        options = {name: getattr(matches, name) for name in ("ambiguity", "turns", "growths")}
+        return mb.estimator("adaptive").estimate(points_a, points_b, dataset.camera(0), dataset.camera(1), **options)
+
+    one, other = pose(a.keypoints[of_a], b.keypoints[of_b], found), pose(whole.points_a, whole.points_b, whole)
+    assert np.array_equal(one.R, other.R) and np.array_equal(one.inliers, other.inliers)
+
+    putative = mb.match(a, b, "nn")
+    rows = {tuple(pair): row for row, pair in enumerate(putative.indices.tolist())}
+    kept = mb.gms(a, b, putative)
+    chosen = [rows[tuple(pair)] for pair in kept.indices.tolist()]
+    assert np.array_equal(kept.turns, putative.turns[chosen]) and np.array_equal(kept.growths, putative.growths[chosen])
+    places = (mb.Features.from_arrays(one.keypoints, one.descriptors, one.image_size) for one in features)
+    unknown = mb.match(*places)
+    assert len(unknown) == len(found) and unknown.turns is None and unknown.growths is None
+
+
 def test_replacing_a_field_of_correspondences_keeps_second(features):
     matches = mb.match(*features)
     halved = dataclasses.replace(matches, distances=matches.distances / 2)

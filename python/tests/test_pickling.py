@@ -106,7 +106,7 @@ def test_datasets_are_opened_again(again, dataset, tmp_path):
 
 def test_correspondences_and_errors(again, features):
     matches = mb.match(*features)
-    same(matches, again(matches), ["indices", "distances", "second", "ambiguity"])
+    same(matches, again(matches), ["indices", "distances", "second", "ambiguity", "turns", "growths"])
     for error in [mb.NoModel("too few"), mb.Error("broken")]:
         found = again(error)
         assert type(found) is type(error) and found.args == error.args

@@ -20,6 +20,12 @@ class Correspondences:
     """m: distances of descriptors (Euclidean, or the number of differing bits)."""
     second: NDArray[np.float32]
     """m: distances to the second nearest neighbour, which selectors and `ambiguity` need; infinite without one."""
+    turns: NDArray[np.float32] | None = None
+    """m: the angle by which the keypoint of b is turned relative to that of a, in radians from 0 to 2 pi; None if
+    keypoints have no orientation. `estimator("adaptive")` uses them."""
+    growths: NDArray[np.float32] | None = None
+    """m: the natural logarithm of how many times as large the keypoint of b is as that of a; None if sizes are not known,
+    which is also where all are equal. `estimator("adaptive")` uses them beside turns."""
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         return iter((self.indices, self.distances))

@@ -10,6 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 _Path = str | os.PathLike[str]
 _Arrays = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]
+_Found = tuple[
+    NDArray[np.int64],
+    NDArray[np.float32],
+    NDArray[np.float32],
+    NDArray[np.float32] | None,
+    NDArray[np.float32] | None,
+]
 
 class Error(Exception):
     """A problem outside the arguments: with a file, a dataset or a run, or a matcher that failed."""
@@ -174,9 +181,9 @@ class Matcher:
         """All parameters, as JSON."""
     def extract(self, pixels: NDArray[np.uint8]) -> Features:
         """The features of an image."""
-    def search(self, a: Features, b: Features) -> _Arrays:
-        """The putative matches of two images: indices, distances, and distances to the second nearest. Where the
-        matcher has a ratio test, features that fail it may have other neighbours than the two nearest."""
+    def search(self, a: Features, b: Features) -> _Found:
+        """The putative matches of two images: indices, distances, distances to the second nearest, turns and growths.
+        Where the matcher has a ratio test, features that fail it may have other neighbours than the two nearest."""
     def select(
         self,
         a: Features,
@@ -185,7 +192,7 @@ class Matcher:
         images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None,
         cameras: tuple[Camera, Camera] | None,
         seed: int,
-    ) -> _Arrays:
+    ) -> _Found:
         """The putative matches that the matcher keeps."""
     def match_images(
         self,
@@ -314,7 +321,7 @@ class Dataset:
         """The camera of a frame."""
     def __len__(self) -> int: ...
 
-def search(a: Features, b: Features, method: str, ratio: float | None = None) -> _Arrays: ...
+def search(a: Features, b: Features, method: str, ratio: float | None = None) -> _Found: ...
 def import_dataset(
     kind: str,
     source: _Path,

@@ -84,7 +84,7 @@ def _select(
 ) -> Correspondences:
     native = NativeMatcher(name, to_json(params))
     if matches is None:
-        putative = native.search(a, b)
+        putative = native.search(a, b)[:3]
     elif isinstance(matches, Correspondences):  # pyright: ignore[reportUnnecessaryIsInstance]
         putative = (matches.indices, matches.distances, matches.second)
     else:
