@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use matchbench::counted::counted;
-use matchbench::datasets::{self, Frame, ImageStorage, ImportOptions, rendered};
+use matchbench::datasets::{
+    self, About, DatasetError, Frame, ImageStorage, ImportOptions, PairRule, Sequence, rendered,
+};
 use matchbench::run;
 use matchbench_vision::image::{GrayImage, Size};
 use pyo3::exceptions::PyIndexError;
@@ -149,17 +151,8 @@ pub(crate) fn import_dataset(
     images: &str,
 ) -> PyResult<Vec<String>> {
     let pairs = pairs.map(str::parse).transpose().map_err(value_error)?;
+    let images = storage("images", images)?;
     let report = detached(py, || {
-        let images = match images {
-            "reference" => ImageStorage::Reference,
-            "link" => ImageStorage::Link,
-            "copy" => ImageStorage::Copy,
-            _ => {
-                return Err(value_error(format!(
-                    "images is \"reference\", \"link\" or \"copy\", not \"{images}\""
-                )));
-            }
-        };
         let options = ImportOptions {
             sequence,
             sensor,
@@ -176,6 +169,84 @@ pub(crate) fn import_dataset(
         datasets::import(kind, &source, &out, &options).map_err(error)
     })??;
     Ok(report.notes)
+}
+
+/// Where the images of a new dataset are stored, as the argument `name` says.
+fn storage(name: &str, given: &str) -> PyResult<ImageStorage<'static>> {
+    match given {
+        "reference" => Ok(ImageStorage::Reference),
+        "link" => Ok(ImageStorage::Link),
+        "copy" => Ok(ImageStorage::Copy),
+        _ => Err(value_error(format!(
+            "{name} is \"reference\", \"link\" or \"copy\", not \"{given}\""
+        ))),
+    }
+}
+
+/// How a new dataset gets its pairs.
+#[derive(FromPyObject)]
+pub(crate) enum ChosenPairs {
+    /// By a rule.
+    Rule(String),
+    /// The numbers of their frames.
+    Listed(Vec<(u32, u32)>),
+}
+
+/// Writes a dataset of frames: the file of each image, its camera, and its pose, camera-to-world, as 4 x 4 numbers row
+/// after row.
+#[pyfunction]
+#[pyo3(signature = (out, frames, pairs, origin, property, store))]
+pub(crate) fn write_dataset(
+    py: Python<'_>,
+    out: PathBuf,
+    frames: Vec<(PathBuf, Camera, [f64; 16])>,
+    pairs: ChosenPairs,
+    origin: String,
+    property: String,
+    store: &str,
+) -> PyResult<()> {
+    let images = storage("store", store)?;
+    detached(py, || {
+        let posed = frames.into_iter().enumerate();
+        let posed = posed.map(|(index, (image, camera, rows))| {
+            let pose = datasets::rigid_motion_4x4(&rows).map_err(|what| {
+                value_error(format!("world_from_camera: matrix {index}: {what}"))
+            })?;
+            // A dataset may be written before its images are there, but is opened at once here.
+            if !image.is_file() {
+                let what = "there is no such file";
+                return Err(error(DatasetError::new(image, what, "check the path")));
+            }
+            Ok(Frame::with_pose(image, camera.inner, pose))
+        });
+        let frames = posed.collect::<PyResult<Vec<_>>>()?;
+        let (frames, pairs) = match pairs {
+            ChosenPairs::Rule(rule) => {
+                let rule: PairRule = rule.parse().map_err(value_error)?;
+                rule.apply(frames).map_err(error)?
+            }
+            ChosenPairs::Listed(pairs) => {
+                let pairs = datasets::pairs_of(&frames, pairs).map_err(value_error)?;
+                (frames, pairs)
+            }
+        };
+        if pairs.is_empty() {
+            return Err(value_error(
+                "pairs: there are none, so nothing would be matched",
+            ));
+        }
+        let sequence = Sequence {
+            name: String::new(), // that of the folder
+            frames,
+            pairs,
+        };
+        let about = About {
+            origin,
+            property,
+            ..About::default()
+        };
+        datasets::write_native(&out, &sequence, &about, images).map_err(error)
+    })?
 }
 
 /// Renders a scene if it does not exist yet; returns the folder of its dataset.

@@ -44,7 +44,7 @@ mod native {
     #[pymodule_export]
     use crate::correspondences::search;
     #[pymodule_export]
-    use crate::datasets::{Dataset, import_dataset, read_gray, rendered_scene};
+    use crate::datasets::{Dataset, import_dataset, read_gray, rendered_scene, write_dataset};
     #[pymodule_export]
     use crate::errors::{Error, NoModel};
     #[pymodule_export]

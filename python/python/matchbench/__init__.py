@@ -15,7 +15,7 @@ from ._cv2 import (
     SIFT_create,
     SURF_create,
 )
-from ._datasets import import_dataset, rendered_scene
+from ._datasets import import_dataset, rendered_scene, write_dataset
 from ._estimators import Estimator, estimator
 from ._features import (
     AKAZE,
@@ -120,4 +120,5 @@ __all__ = [
     "report",
     "run",
     "show",
+    "write_dataset",
 ]

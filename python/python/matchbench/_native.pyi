@@ -338,6 +338,14 @@ def import_dataset(
     property: str | None,
     images: str,
 ) -> list[str]: ...
+def write_dataset(
+    out: _Path,
+    frames: Sequence[tuple[_Path, Camera, list[float]]],
+    pairs: str | list[tuple[int, int]],
+    origin: str,
+    property: str,
+    store: str,
+) -> None: ...
 def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> Path: ...
 def read_gray(path: _Path) -> NDArray[np.uint8]:
     """The image in a file as height x width, grey, decoded as in every command."""

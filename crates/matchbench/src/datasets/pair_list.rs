@@ -100,6 +100,23 @@ fn distinct(
         .collect()
 }
 
+/// Checks pairs that come from no file as those of a list.
+///
+/// # Errors
+/// The first pair that is not two different ones of the `frames`, or stands there before: its index, and in words what is
+/// wrong.
+pub(super) fn check_numbers(pairs: &[(u32, u32)], frames: usize) -> Result<(), (usize, String)> {
+    let mut seen = HashSet::new();
+    let check = |&(a, b): &(u32, u32)| {
+        existing(a, frames)?;
+        existing(b, frames)?;
+        different(a, b)?;
+        (seen.insert((a, b)).then_some(())).ok_or_else(|| TWICE.to_owned())
+    };
+    let mut checked = pairs.iter().map(check).enumerate();
+    checked.try_for_each(|(row, checked)| checked.map_err(|what| (row, what)))
+}
+
 /// The two frames at the start of a row, if they are different and below `frames`.
 pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32), String> {
     let mut words = row.split_whitespace();
@@ -108,14 +125,24 @@ pub(super) fn pair_indices(row: &str, frames: Option<usize>) -> Result<(u32, u32
         let index: u32 = word
             .parse()
             .map_err(|_| format!("`{word}` is not the number of a frame"))?;
-        match frames {
-            Some(count) if index as usize >= count => Err(format!(
-                "frame {index} does not exist: there are {count}, numbered from 0"
-            )),
-            _ => Ok(index),
-        }
+        existing(index, frames.unwrap_or(usize::MAX))
     };
     let (a, b) = (index()?, index()?);
+    different(a, b)
+}
+
+/// The number of a frame, if it is below `frames`.
+fn existing(index: u32, frames: usize) -> Result<u32, String> {
+    if index as usize >= frames {
+        return Err(format!(
+            "frame {index} does not exist: there are {frames}, numbered from 0"
+        ));
+    }
+    Ok(index)
+}
+
+/// Two frames, if they are different.
+fn different(a: u32, b: u32) -> Result<(u32, u32), String> {
     if a == b {
         return Err(format!("frame {a} is matched with itself"));
     }

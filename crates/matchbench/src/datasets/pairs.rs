@@ -22,7 +22,7 @@ use std::str::FromStr;
 
 use nalgebra::Isometry3;
 
-use super::pair_list::{is_numbered, listed, numbered};
+use super::pair_list::{check_numbers, is_numbered, listed, numbered};
 use super::text::TextFile;
 use super::{DatasetError, Frame, Pair};
 use crate::front_door::PAIRS;
@@ -270,6 +270,19 @@ fn pairs_in(
     listed(&list, &frames)
 }
 
+/// Pairs of frames, by their numbers, with their relative poses: what [`PairRule::apply`] makes of a list, for a program
+/// that has the list in no file.
+///
+/// # Errors
+/// If a pair names a frame that does not exist or has no pose, or a frame with itself, or if it stands twice.
+pub fn pairs_of(frames: &[Frame], pairs: Vec<(u32, u32)>) -> Result<Vec<Pair>, DatasetError> {
+    check_numbers(&pairs, frames.len()).map_err(|(row, what)| {
+        let remedy = "correct this pair; rows are counted from 0";
+        DatasetError::new("pairs", format!("row {row}: {what}"), remedy)
+    })?;
+    with_poses(frames, pairs)
+}
+
 /// Pairs of frames with their relative poses.
 pub(super) fn with_poses(
     frames: &[Frame],
@@ -375,6 +388,25 @@ mod tests {
         assert_eq!(count("window:9,stride:15", 2583), 1512);
         assert_eq!(count("window:9,stride:15", 2405), 1404);
         assert_eq!(count("window:9,stride:15", 1006), 567);
+    }
+
+    #[test]
+    fn pairs_without_a_file_are_checked_as_those_of_a_list() {
+        let frames = super::super::testing::frames(3);
+        let rule: PairRule = "all".parse().unwrap();
+        let (_, all) = rule.apply(frames.clone()).unwrap();
+        assert_eq!(
+            pairs_of(&frames, vec![(0, 1), (0, 2), (1, 2)]).unwrap(),
+            all
+        );
+        for (pair, words) in [
+            ((2, 3), "row 1: frame 3 does not exist: there are 3"),
+            ((1, 1), "row 1: frame 1 is matched with itself"),
+            ((0, 1), "row 1: the pair stands here a second time"),
+        ] {
+            let error = pairs_of(&frames, vec![(0, 1), pair]).unwrap_err();
+            assert!(error.to_string().contains(words), "{error}");
+        }
     }
 
     #[test]

@@ -162,8 +162,11 @@ pub(super) fn rigid_motion(m: &[f64; 12]) -> Result<Isometry3<f64>, String> {
     ))
 }
 
-/// A row-major 4x4 matrix [R t; 0 0 0 1] as a rigid motion.
-pub(super) fn rigid_motion_4x4(m: &[f64; 16]) -> Result<Isometry3<f64>, String> {
+/// A row-major 4x4 matrix [R t; 0 0 0 1] as a rigid motion. R may be rounded; the nearest rotation is taken.
+///
+/// # Errors
+/// If it is none, in words.
+pub fn rigid_motion_4x4(m: &[f64; 16]) -> Result<Isometry3<f64>, String> {
     let (motion, last) = m.split_at(12);
     if last != [0.0, 0.0, 0.0, 1.0] {
         return Err(format!("the last row of the pose is {last:?}, not 0 0 0 1"));
