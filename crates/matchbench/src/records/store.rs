@@ -12,6 +12,11 @@
 //! with the first record that is appended a second or more after the last time, and when it ends. So at
 //! most the records of one second are lost, and are computed again. What records refer to, their images and
 //! their matches, is brought to the disk before them.
+//!
+//! # What is tried again
+//! A record of a task that failed before takes the place of the earlier one, for which the whole file is written anew. This
+//! takes at most a tenth of the time, so it happens more seldom the longer the file is. Until then a process that is killed
+//! loses such records, and the earlier ones stay.
 
 use std::fs;
 use std::io;

@@ -2,7 +2,7 @@
 //! that refer to it, and brought to the disk before them, at most once a second.
 
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::frame::lock;
 use super::pair::PairDone;
@@ -10,7 +10,7 @@ use super::progress::{MatcherProgress, Replacement};
 use super::{RunError, Variant};
 use crate::datasets::Frame;
 use crate::records::images::ImageNotes;
-use crate::records::{KeepMatches, MatchesFile, RunWriter, StoreError, store};
+use crate::records::{KeepMatches, MatchesFile, RunRecord, RunWriter, StoreError, store};
 
 /// What records refer to, which is brought to the disk before them.
 pub(super) struct Kept<'a> {
@@ -21,6 +21,7 @@ pub(super) struct Kept<'a> {
     frames: &'a [Frame],
     images: &'a Mutex<ImageNotes>,
     depth: ImageNotes,
+    /// When all was brought to the disk.
     synced: Instant,
 }
 
@@ -83,22 +84,80 @@ impl<'a> Kept<'a> {
         self.synced.elapsed() >= store::UNSYNCED
     }
 
-    /// To be followed by the records.
-    pub(super) fn sync(&mut self) -> Result<(), StoreError> {
+    /// Brings all to the disk, and then the `records` that refer to it.
+    pub(super) fn sync(
+        &mut self,
+        records: impl FnOnce() -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        (self.matches.iter_mut().chain(&mut self.inliers)).try_for_each(MatchesFile::sync)?;
+        records()?;
+        // Afterwards: a disk that takes long is not asked again at once.
         self.synced = Instant::now();
-        (self.matches.iter_mut().chain(&mut self.inliers)).try_for_each(MatchesFile::sync)
+        Ok(())
     }
 }
 
-/// Records that take the place of earlier ones.
+/// Records that take the place of earlier ones. Each time their whole files are written.
 pub(super) struct Retried<'a> {
-    pub(super) replacements: Vec<Replacement>,
-    pub(super) kept: Kept<'a>,
+    replacements: Vec<Replacement>,
+    kept: Kept<'a>,
+    /// How long records of this process wait until they are written.
+    pause: Duration,
 }
 
-impl Retried<'_> {
+impl<'a> Retried<'a> {
+    pub(super) fn new(replacements: Vec<Replacement>, kept: Kept<'a>) -> Self {
+        Self {
+            replacements,
+            kept,
+            pause: store::UNSYNCED,
+        }
+    }
+
+    /// Puts what came of a pair in the place of what failed, and writes it if that was long enough ago; whoever is `told`
+    /// learns of each record.
+    pub(super) fn put(
+        &mut self,
+        done: PairDone,
+        told: &mut impl FnMut(&RunRecord),
+    ) -> Result<(), RunError> {
+        self.kept.keep(&done)?;
+        for (estimator, record) in done.records {
+            told(&record);
+            self.replacements[estimator].put(record);
+        }
+        if self.kept.synced.elapsed() >= self.pause {
+            self.write()?;
+        }
+        Ok(())
+    }
+
     pub(super) fn write(&mut self) -> Result<(), StoreError> {
-        self.kept.sync()?;
-        (self.replacements.iter_mut()).try_for_each(Replacement::write)
+        let (start, replacements) = (Instant::now(), &mut self.replacements);
+        (self.kept).sync(|| replacements.iter_mut().try_for_each(Replacement::write))?;
+        // Tests do not wait for it.
+        if cfg!(not(test)) {
+            self.pause = pause_after(start.elapsed(), store::UNSYNCED);
+        }
+        Ok(())
+    }
+}
+
+/// How long records wait if the last writing took so long, and at `least`: all writing together takes at most a tenth of
+/// the time, however long the files are.
+fn pause_after(writing: Duration, least: Duration) -> Duration {
+    least.max(9 * writing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writing_files_anew_takes_a_tenth_of_the_time_at_most() {
+        let least = Duration::from_secs(1);
+        let pause = |milliseconds| pause_after(Duration::from_millis(milliseconds), least);
+        assert_eq!([0, 50, 111].map(pause), [least; 3]);
+        assert_eq!(pause(2000), Duration::from_secs(18));
     }
 }

@@ -339,8 +339,9 @@ impl Run<'_> {
         Ok(progresses)
     }
 
-    /// Does what is left of one matcher on one dataset: first, what failed and may do better now, whose records take the
-    /// place of the earlier ones; then matches that were lost; then what was never done.
+    /// Does what is left of one matcher on one dataset: first, matches that were lost; then what was never done; then what
+    /// failed and may do better now, whose records take the place of the earlier ones. So whatever fails at every start
+    /// keeps none of the rest from being done.
     fn finish(
         &self,
         progress: &MatcherProgress<'_>,
@@ -356,7 +357,7 @@ impl Run<'_> {
             summary.add(record);
             observer.on_record(record);
         };
-        let kept = Kept::open(self.keep_matches, progress, folder, images)?;
+        let mut kept = Kept::open(self.keep_matches, progress, folder, images)?;
         let mut work = Work {
             run: self,
             stages: PairStages {
@@ -373,36 +374,13 @@ impl Run<'_> {
             unkept,
         };
 
-        let mut retried = Retried {
-            replacements: progress.replacements(),
-            kept,
-        };
-        let done = work.all(progress.failed_pairs(), |done| {
-            retried.kept.keep(&done)?;
-            for (estimator, record) in done.records {
-                told(&record);
-                retried.replacements[estimator].put(record);
-            }
-            if retried.kept.is_time() {
-                retried.write()?;
-            }
-            Ok(())
-        });
-        retried.write()?;
-        done?;
-        if progress.failed_pairs().next().is_some() {
-            // Other estimators of these pairs start from what was just kept.
-            work.stored = progress.own_matches(folder.folder())?;
-        }
-
-        let mut kept = retried.kept;
         if progress.lost() > 0 {
             observer.on_lost_matches(dataset, matcher, progress.lost());
         }
         work.all(progress.lost_pairs(), |done| {
             kept.keep(&done)?;
             if kept.is_time() {
-                kept.sync()?;
+                kept.sync(|| Ok(()))?;
             }
             Ok(())
         })?;
@@ -414,14 +392,24 @@ impl Run<'_> {
                 told(record);
             }
             if kept.is_time() {
-                kept.sync()?;
-                writers.iter_mut().try_for_each(InOrder::sync)?;
+                kept.sync(|| writers.iter_mut().try_for_each(InOrder::sync))?;
             }
             Ok(())
         });
-        kept.sync()?;
-        writers.iter_mut().try_for_each(InOrder::sync)?;
+        kept.sync(|| writers.iter_mut().try_for_each(InOrder::sync))?;
         progress.forget_earlier(folder, &writers)?;
+        drop(writers);
+        let done = done.and_then(|()| {
+            if cancel.is_set() || progress.failed_pairs().next().is_none() {
+                return Ok(());
+            }
+            // Other estimators of these pairs may have matches since.
+            work.stored = progress.own_matches(folder.folder())?;
+            let mut retried = Retried::new(progress.replacements()?, kept);
+            let done = work.all(progress.failed_pairs(), |done| retried.put(done, &mut told));
+            retried.write()?;
+            done
+        });
         summary.unkept = work.unkept.into_inner();
         done
     }

@@ -56,8 +56,6 @@ struct EstimatorProgress {
     has_results: bool,
     /// Tasks that failed and are tried again, by their indices among the records.
     retried: BTreeSet<usize>,
-    /// What is recorded, if some of it is to be tried again.
-    records: Vec<RunRecord>,
     /// What was recorded before the run grew, of tasks that are not recorded since.
     earlier: Earlier,
 }
@@ -193,12 +191,6 @@ impl<'a> MatcherProgress<'a> {
                 reason: "the plan has another task here".into(),
             });
         }
-        // All of them are needed only to write the file anew.
-        let records = if retried.is_empty() {
-            Vec::new()
-        } else {
-            store::read(&file)?
-        };
         let wanted = |record: &RunRecord| {
             has_results |= !record.outcome.has_failed();
             match record.outcome {
@@ -225,7 +217,6 @@ impl<'a> MatcherProgress<'a> {
             failed,
             has_results,
             retried,
-            records,
             earlier,
         };
         Ok((progress, lost))
@@ -328,7 +319,7 @@ impl<'a> MatcherProgress<'a> {
         }
     }
 
-    /// What is tried again, in the same order.
+    /// What failed and is tried again, in the same order.
     pub(super) fn failed_pairs(&self) -> impl Iterator<Item = PairTasks<'a>> {
         let any = self
             .estimators
@@ -410,14 +401,25 @@ impl<'a> MatcherProgress<'a> {
         })
     }
 
-    /// The records that are to be replaced, of each estimator.
-    pub(super) fn replacements(&self) -> Vec<Replacement> {
+    /// The records that are to be replaced, of each estimator; nothing may be appended to their files from here on.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub(super) fn replacements(&self) -> Result<Vec<Replacement>, StoreError> {
         let estimators = self.estimators.iter();
-        let replacement = estimators.map(|estimator| Replacement {
-            file: estimator.file.clone(),
-            records: estimator.records.clone(),
-            due: estimator.retried.iter().copied().collect(),
-            changed: false,
+        let replacement = estimators.map(|estimator| {
+            // All of them are needed only to write the file anew.
+            let records = if estimator.retried.is_empty() {
+                Vec::new()
+            } else {
+                store::read(&estimator.file)?
+            };
+            Ok(Replacement {
+                file: estimator.file.clone(),
+                records,
+                due: estimator.retried.iter().copied().collect(),
+                changed: false,
+            })
         });
         replacement.collect()
     }
