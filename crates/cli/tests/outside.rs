@@ -211,7 +211,7 @@ fn a_program_that_breaks_costs_no_other_matcher() {
     let broken = output(&asked, &[&run, &wall]);
     assert_eq!(broken.status.code(), Some(2), "{}", said(&broken));
     let message = said(&broken);
-    for part in ["3 failures in a row", "no more memory", "logs/toy.log"] {
+    for part in ["3 images in a row", "no more memory", "logs/toy.log"] {
         assert!(message.contains(part), "{part}: {message}");
     }
     assert_eq!(lines(&run.join("records/wall/sift+ransac-e.jsonl")), 6);
@@ -227,6 +227,62 @@ fn a_program_that_breaks_costs_no_other_matcher() {
         .find(|line| line.contains("toy"))
         .expect("a row of it");
     assert!(row.contains(",6,0,"), "six pairs and none failed: {row}");
+    assert_all_gone(&home);
+}
+
+#[test]
+fn an_image_that_breaks_a_program_costs_its_own_pairs_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 6);
+    let (manifest, home) = toy(folder.path());
+    let (toy, run) = (manifest.to_str().expect("UTF-8"), folder.path().join("run"));
+    let break_over = |image: &str| {
+        let text = format!("case $line in *'\"pair\":['{image},*) exit 3 ;; esac\n");
+        fs::write(home.join("break"), text).expect("writable");
+    };
+    break_over("0");
+    let asked = [
+        "run",
+        "--threads",
+        "1",
+        "--matchers",
+        toy,
+        "--estimator",
+        "ransac-e",
+        "--out",
+    ];
+    let records = run.join("records/wall/toy+ransac-e.jsonl");
+    let failed = || {
+        let text = fs::read_to_string(&records).expect("it was written");
+        let is_failed = |line: &&str| line.contains("failed");
+        (text.lines().filter(is_failed).count(), text.lines().count())
+    };
+    let broken = output(&asked, &[&run, &wall]);
+    assert_eq!(broken.status.code(), Some(2), "{}", said(&broken));
+    assert_eq!(failed(), (5, 15), "{}", said(&broken));
+    assert!(
+        said(&broken).contains("not asked any more"),
+        "{}",
+        said(&broken)
+    );
+    // One for three questions, and one for all others.
+    assert_eq!(lines(&home.join("started")), 4);
+
+    // Three such images end it. The next start goes on behind them, before it tries again what failed.
+    fs::remove_dir_all(&run).expect("it was written");
+    break_over("[012]");
+    for (expected, ends) in [((9, 9), true), ((12, 15), false)] {
+        let broken = output(&asked, &[&run, &wall]);
+        let message = said(&broken);
+        assert_eq!(broken.status.code(), Some(2), "{message}");
+        assert_eq!(message.contains("3 images in a row"), ends, "{message}");
+        assert_eq!(failed(), expected, "{message}");
+    }
+
+    fs::remove_file(home.join("break")).expect("it was written");
+    let mended = output(&asked, &[&run, &wall]);
+    assert_eq!(mended.status.code(), Some(0), "{}", said(&mended));
+    assert_eq!(failed(), (0, 15));
     assert_all_gone(&home);
 }
 
@@ -360,10 +416,15 @@ fn a_matcher_that_ends_while_the_user_stops_the_run_hides_nothing() {
     let wall = dataset(folder.path(), "wall", 4);
     let (manifest, home) = toy(folder.path());
     let run = folder.path().join("run");
-    // It does none, and the third failure in a row, with which it is given up, comes after the run is stopped.
-    let text =
-        "echo >> asked; test $(wc -l < asked) -lt 3 || { kill -TERM $PPID; sleep 1; }; exit 3\n";
-    fs::write(home.join("break"), text).expect("writable");
+    // It does none, and its third process in a row that does not start, with which it is given up, is lost after the run
+    // is stopped.
+    fs::write(home.join("break"), "exit 3\n").expect("writable");
+    let starts = "case $(($(wc -l < started))) in 1) ;; 4) kill -TERM $PPID; sleep 1; exit 3 ;; *) exit 3 ;; esac\n";
+    fs::write(
+        home.join("toy.sh"),
+        PROGRAM.replace(">> started\n", &format!(">> started\n{starts}")),
+    )
+    .expect("writable");
     let toy = manifest.to_str().expect("UTF-8");
     let asked = ["run", "--threads", "4", "--matchers", toy, "--out"];
     let done = output(&asked, &[&run, &wall]);

@@ -36,14 +36,15 @@
 //! print messages while they load.
 //!
 //! Nothing that a child says is believed. If a child hangs, ends, floods, or answers something else than
-//! was asked, the pair that was asked for fails and the child is replaced. After three such failures in a
-//! row the matcher ends with an error that names the log ([`Breakdown`]). Children are leaders of process
-//! groups that end with them, and all are reaped.
+//! was asked, the pair that was asked for fails and the child is replaced. After three such failures over one
+//! image (of a pair, the first) it is not asked about this image any more. After failures over three images in a row, or if
+//! three processes in a row do not start, the matcher ends with an error that names the log ([`Breakdown`]). Children are
+//! leaders of process groups that end with them, and all are reaped.
 //!
 //! `process` starts and ends children, `log` keeps what they print, and `message` and `answer` are the
-//! protocol. `worker` is one child that speaks it, and `pool` ([`External`]) is several. `features` reads
-//! descriptions and `nearest` matches them. `source` is what a run asks, and [`check`] tries a manifest
-//! out.
+//! protocol. `worker` is one child that speaks it, `pool` ([`External`]) is several, and `strikes` counts their
+//! failures. `features` reads descriptions and `nearest` matches them. `source` is what a run asks, and [`check`] tries a
+//! manifest out.
 
 mod answer;
 mod check;
@@ -56,6 +57,7 @@ mod nearest;
 mod pool;
 mod process;
 mod source;
+mod strikes;
 mod worker;
 
 pub use answer::{Described, Matched, Times, is_inside};

@@ -15,12 +15,10 @@ use super::features::{memory_for, read_features};
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
+use super::strikes::{STRIKES, Strikes};
 use super::worker::{Fault, Identity, Worker};
 use crate::files::TemporaryFolder;
 use crate::matchers::Cancel;
-
-/// Questions that fail one after the other until a matcher is given up.
-const STRIKES: u32 = 3;
 
 /// A matcher from outside, ready to be asked from any number of threads; at most
 /// [`Manifest::workers`] are answered at once, the others wait. Dropping it ends its processes.
@@ -42,8 +40,8 @@ struct Pool {
     idle: Vec<Worker>,
     /// Places of workers that are taken by those who ask.
     taken: usize,
-    /// Questions that failed since one was answered.
-    strikes: u32,
+    /// Questions that failed.
+    strikes: Strikes,
     /// Whether the last of these took all the time that it had.
     has_hung: bool,
     /// Why the matcher was given up.
@@ -78,9 +76,10 @@ pub struct StartError {
 pub enum Breakdown {
     /// The child says that it cannot do this one, or there is no memory for its answer. Asked again, it would be so again.
     Said(String),
-    /// The child broke over this one and was ended. It may go better another time.
+    /// The child broke over this one and was ended, or it was not asked, since so many questions about the same image had
+    /// broken it. It may go better another time.
     Broke(String),
-    /// The matcher was given up after several such questions in a row, this one or earlier ones;
+    /// The matcher was given up after it broke over several images in a row, this one or earlier ones, or did not start;
     /// the reason names the log.
     Ended(String),
     /// It was left, since the [run](External::heed) is stopped.
@@ -116,7 +115,7 @@ impl External {
             pool: Mutex::new(Pool {
                 idle: vec![worker],
                 taken: 0,
-                strikes: 0,
+                strikes: Strikes::default(),
                 has_hung: false,
                 ended: None,
                 cancel: Cancel::default(),
@@ -170,7 +169,7 @@ impl External {
             size_b: [b.size.width, b.size.height],
             out: &out,
         };
-        self.ask(request, &out, |answer, wall| match answer {
+        self.ask(a.path, request, &out, |answer, wall| match answer {
             Answer::Matched {
                 count,
                 features,
@@ -207,7 +206,7 @@ impl External {
             size: [image.size.width, image.size.height],
             out: &out,
         };
-        self.ask(request, &out, |answer, wall| match answer {
+        self.ask(image.path, request, &out, |answer, wall| match answer {
             Answer::Described {
                 count,
                 seconds,
@@ -230,20 +229,22 @@ impl External {
         })
     }
 
-    /// Asks a worker, takes its answer apart by `read`, and keeps the worker if all went well.
+    /// Asks a worker about an `image`, of a pair the first, takes its answer apart by `read`, and keeps the worker if all
+    /// went well.
     fn ask<T>(
         &self,
+        image: &Path,
         request: Request<'_>,
         out: &Path,
         read: impl FnOnce(Answer, f64) -> Result<T, Fault>,
     ) -> Result<T, Breakdown> {
-        let (_place, idle) = self.take()?;
+        let (_place, idle) = self.take(image)?;
         let start = Instant::now();
         let mut worker = match idle.map_or_else(|| self.start_another(), Ok) {
             Ok(worker) => worker,
             Err(reason) => {
                 let has_hung = start.elapsed() >= self.manifest.start_timeout;
-                return Err(self.give_up_on(reason, has_hung));
+                return Err(self.give_up_on(None, reason, has_hung));
             }
         };
         let start = Instant::now();
@@ -253,27 +254,35 @@ impl External {
         let _ = std::fs::remove_file(out);
         match answer {
             Ok(answer) => {
-                self.give_back(worker);
+                self.give_back(worker, image);
                 Ok(answer)
             }
             Err(Fault::Said(reason)) => {
-                self.give_back(worker);
+                self.give_back(worker, image);
                 Err(Breakdown::Said(reason))
             }
             Err(Fault::Broke(reason)) => {
                 let has_hung = start.elapsed() >= self.manifest.timeout;
                 let reason = format!("{reason} ({})", worker.kill());
-                Err(self.give_up_on(reason, has_hung))
+                Err(self.give_up_on(Some(image), reason, has_hung))
             }
         }
     }
 
-    /// A place that nobody else has, and its worker, unless one is to be started first.
-    fn take(&self) -> Result<(Place<'_>, Option<Worker>), Breakdown> {
+    /// A place that nobody else has for a question about an `image`, and its worker, unless one is to be started first.
+    fn take(&self, image: &Path) -> Result<(Place<'_>, Option<Worker>), Breakdown> {
         let mut pool = self.pool();
         loop {
             if let Some(reason) = &pool.ended {
                 return Err(Breakdown::Ended(reason.clone()));
+            }
+            if pool.strikes.is_left_out(image) {
+                // The place that is free is for another who waits.
+                self.freed.notify_one();
+                return Err(Breakdown::Broke(format!(
+                    "it was not asked any more: {STRIKES} questions about {} had broken it",
+                    image.display()
+                )));
             }
             if let Some(worker) = pool.idle.pop() {
                 pool.taken += 1;
@@ -303,30 +312,33 @@ impl External {
         Err(format!("it became another program: version {now}"))
     }
 
-    fn give_back(&self, worker: Worker) {
+    fn give_back(&self, worker: Worker, image: &Path) {
         let mut pool = self.pool();
-        pool.strikes = 0;
+        pool.strikes.answered(image);
         pool.has_hung = false;
         pool.idle.push(worker);
     }
 
-    /// Notes that a worker was lost for this `reason`, and whether the matcher is with it.
-    fn give_up_on(&self, reason: String, has_hung: bool) -> Breakdown {
+    /// Notes that a worker was lost for this `reason`, over an `image` or since it did not start, and whether the matcher
+    /// is with it.
+    fn give_up_on(&self, image: Option<&Path>, reason: String, has_hung: bool) -> Breakdown {
         let mut pool = self.pool();
-        pool.strikes += 1;
         pool.has_hung = has_hung;
-        if pool.strikes < STRIKES {
-            Breakdown::Broke(reason)
-        } else {
-            let reason = format!(
-                "{STRIKES} failures in a row, the last: {reason}; what it printed is in {}",
-                self.log.path().display()
-            );
-            let ended = pool.ended.get_or_insert(reason).clone();
-            // Whoever waits learns that nobody will come.
-            self.freed.notify_all();
-            Breakdown::Ended(ended)
-        }
+        let given_up = match image {
+            Some(image) => pool.strikes.failed(image),
+            None => pool.strikes.did_not_start(),
+        };
+        let Some(why) = given_up else {
+            return Breakdown::Broke(reason);
+        };
+        let reason = format!(
+            "{why}, the last: {reason}; what it printed is in {}",
+            self.log.path().display()
+        );
+        let ended = pool.ended.get_or_insert(reason).clone();
+        // Whoever waits learns that nobody will come.
+        self.freed.notify_all();
+        Breakdown::Ended(ended)
     }
 
     fn pool(&self) -> MutexGuard<'_, Pool> {
@@ -495,14 +507,20 @@ done
             out: &out,
         };
         let broken = AssertUnwindSafe(|| {
-            external.ask(request(), &out, |_, _| -> Result<(), Fault> {
-                panic!("as a bug would")
-            })
+            external.ask(
+                Path::new("/a"),
+                request(),
+                &out,
+                |_, _| -> Result<(), Fault> { panic!("as a bug would") },
+            )
         });
         assert!(catch_unwind(broken).is_err());
         let (answered, waiting) = mpsc::channel();
         thread::scope(|scope| {
-            scope.spawn(|| answered.send(external.ask(request(), &out, |_, _| Ok(()))));
+            scope.spawn(|| {
+                let asked = external.ask(Path::new("/a"), request(), &out, |_, _| Ok(()));
+                answered.send(asked)
+            });
             let answer = waiting.recv_timeout(Duration::from_secs(20));
             // Whoever waits for a place that is not free any more would wait for ever.
             external.pool().ended.get_or_insert_default();

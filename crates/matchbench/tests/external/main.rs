@@ -49,8 +49,14 @@ impl Bench {
     }
 
     fn ask(&self, b: u32) -> Result<usize, Breakdown> {
+        self.ask_about("image", b)
+    }
+
+    /// Asks about a pair whose first image has this name.
+    fn ask_about(&self, name: &str, b: u32) -> Result<usize, Breakdown> {
+        let path = Path::new("/nowhere").join(name);
         let image = Image {
-            path: Path::new("/nowhere/image.png"),
+            path: &path,
             size: SIZE,
         };
         let matched = self.external().match_pair([0, b], image, image);
@@ -211,17 +217,17 @@ fn a_child_that_says_that_it_cannot_is_kept() {
 }
 
 #[test]
-fn three_failures_in_a_row_end_a_matcher_with_its_log_named() {
+fn failures_over_three_images_in_a_row_end_a_matcher_with_its_log_named() {
     let bench = Bench::new("always-ends");
-    for _ in 0..2 {
-        assert!(matches!(bench.ask(1), Err(Breakdown::Broke(_))));
+    for name in ["a", "b"] {
+        assert!(matches!(bench.ask_about(name, 1), Err(Breakdown::Broke(_))));
     }
-    for _ in 0..2 {
-        let Err(Breakdown::Ended(reason)) = bench.ask(1) else {
+    for name in ["c", "d"] {
+        let Err(Breakdown::Ended(reason)) = bench.ask_about(name, 1) else {
             panic!("it goes on")
         };
         assert!(
-            reason.contains("test.log") && reason.contains("3 failures"),
+            reason.contains("test.log") && reason.contains("over 3 images"),
             "{reason}"
         );
     }
@@ -231,6 +237,35 @@ fn three_failures_in_a_row_end_a_matcher_with_its_log_named() {
     for b in [13, 13, 1, 13, 13, 1] {
         assert!(!matches!(bench.ask(b), Err(Breakdown::Ended(_))));
     }
+    for name in ["a", "b", "c", "d"] {
+        assert!(matches!(
+            bench.ask_about(name, 13),
+            Err(Breakdown::Broke(_))
+        ));
+        assert_eq!(bench.ask_about(name, 1), Ok(2));
+    }
+}
+
+#[test]
+fn an_image_that_breaks_a_child_three_times_is_not_asked_about_any_more() {
+    let bench = Bench::new("ends");
+    for _ in 0..3 {
+        assert!(matches!(
+            bench.ask_about("bad", 13),
+            Err(Breakdown::Broke(_))
+        ));
+    }
+    for _ in 0..2 {
+        let Err(Breakdown::Broke(reason)) = bench.ask_about("bad", 13) else {
+            panic!("it is asked, or the matcher has ended")
+        };
+        assert!(
+            reason.contains("not asked any more") && reason.contains("/nowhere/bad"),
+            "{reason}"
+        );
+    }
+    assert_eq!(bench.ask_about("good", 1), Ok(2));
+    assert_eq!(bench.children().len(), 4, "three were lost");
 }
 
 #[test]
