@@ -234,6 +234,10 @@ fn matches_from_files_are_shared_out_too() {
         Some(2),
         "absent pairs count as failed"
     );
+    let records = at("single/records/wall/mine+best.jsonl");
+    let records = fs::read_to_string(records).expect("it was written");
+    assert_eq!(records.matches("the files have no matches").count(), 4);
+    assert!(!records.contains("may_pass"), "they never will: {records}");
     let planned = done(
         asked("plan")
             .args(["--shards", "3", "--out"])

@@ -121,7 +121,8 @@ impl PointSource for MatchSource {
             .matches(a, b)
             .map_err(|error| SourceError::Pair(error.to_string()))?;
         let found = found.ok_or_else(|| {
-            SourceError::Pair(format!("the files have no matches of the pair {a} {b}"))
+            // A plan has the hashes of the files: with that pair in them they are those of another plan.
+            SourceError::Lacking(format!("the files have no matches of the pair {a} {b}"))
         })?;
         let keypoints = found.keypoints.unwrap_or_default();
         Ok(SourcedMatches {

@@ -63,7 +63,7 @@ pub trait PointSource: Send + Sync {
     /// The matches of a pair. May be called from many threads at once.
     ///
     /// # Errors
-    /// [`SourceError::Pair`] if there is no answer for this pair, which then counts as failed.
+    /// [`SourceError::Pair`] or [`SourceError::Lacking`] if there is no answer for this pair, which then counts as failed.
     /// [`SourceError::Ended`] if there will be no answer for any later pair either; this ends the run.
     fn matches(&self, pair: &ImageFiles<'_>, seed: Seed) -> Result<SourcedMatches, SourceError>;
 
@@ -137,9 +137,12 @@ pub struct SourceSeconds {
 /// Why a source has no matches.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SourceError {
-    /// Of this pair.
+    /// Of this pair; another time there may be some.
     #[error("{0}")]
     Pair(String),
+    /// Of this pair, ever.
+    #[error("{0}")]
+    Lacking(String),
     /// Of this pair and of all others.
     #[error("{0}")]
     Ended(String),

@@ -30,11 +30,15 @@ pub(super) fn sourced(
     device: &mut Option<String>,
 ) -> Result<Result<SelectedMatches, Broken>, RunError> {
     let seed = selection_seed(seed);
-    let mut ended = None;
+    let (mut ended, mut is_lacking) = (None, false);
     let matches = guard(format_args!("matching by {}", source.id), || {
         source.source.matches(pair, seed).inspect_err(|error| {
             ended = match error {
                 SourceError::Pair(_) => None,
+                SourceError::Lacking(_) => {
+                    is_lacking = true;
+                    None
+                }
                 SourceError::Ended(reason) => Some(RunError::SourceEnded {
                     id: source.id.clone(),
                     reason: reason.clone(),
@@ -61,8 +65,14 @@ pub(super) fn sourced(
         };
         Ok(SelectedMatches::new(*counts, &matches.points))
     });
-    // Another program may do better another time.
-    Ok(matches.map_err(Broken::for_now))
+    Ok(matches.map_err(|reason| {
+        if is_lacking {
+            reason.into()
+        } else {
+            // Another program may do better another time.
+            Broken::for_now(reason)
+        }
+    }))
 }
 
 fn check(matches: &SourcedMatches) -> Result<(), String> {

@@ -16,6 +16,8 @@ use crate::matchers::{
 #[derive(Default)]
 pub(super) struct Flaky {
     fails: Vec<[u32; 2]>,
+    /// Pairs that it will never have an answer for.
+    lacks: Vec<[u32; 2]>,
     /// Pairs that it has no matches of, and tells no features.
     empty: Vec<[u32; 2]>,
     ends: Option<[u32; 2]>,
@@ -38,6 +40,9 @@ impl PointSource for Flaky {
         }
         if self.fails.contains(&pair.frames) {
             return Err(SourceError::Pair("as the test wants".into()));
+        }
+        if self.lacks.contains(&pair.frames) {
+            return Err(SourceError::Lacking("as the test wants".into()));
         }
         let mut points = MatchedPoints::default();
         let is_empty = self.empty.contains(&pair.frames);
@@ -115,6 +120,26 @@ fn failures_of_a_source_are_tried_again_and_their_records_replaced() {
     assert_eq!(again.failed, 0);
     assert_eq!(bench.records("run"), whole());
     assert_eq!(bench.run("run").unwrap().now, 0);
+}
+
+#[test]
+fn what_a_source_lacks_is_not_asked_for_again() {
+    let lacking = Flaky {
+        lacks: vec![[0, 1]],
+        ..Flaky::default()
+    };
+    let asked = Arc::clone(&lacking.asked);
+    let mut bench = Bench::new(vec![lacking.contender()]);
+    let first = bench.run("run").unwrap();
+    let before = asked.load(Ordering::Relaxed);
+    assert_eq!((first.failed, before), (4, 21 + 7));
+    let again = bench.run("run").unwrap();
+    assert_eq!((again.now, again.failed), (0, 4));
+    assert_eq!(asked.load(Ordering::Relaxed), before);
+    bench.retry_failed = true;
+    let again = bench.run("run").unwrap();
+    assert_eq!((again.now, again.failed), (4, 4));
+    assert_eq!(asked.load(Ordering::Relaxed), before + 2);
 }
 
 #[test]
