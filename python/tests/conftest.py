@@ -1,5 +1,6 @@
 """What the tests share: a small rendered dataset, a run of the command line on it."""
 
+import json
 import os
 import signal
 import struct
@@ -73,6 +74,21 @@ def command_line_run(dataset, tmp_path_factory):
     )
     assert done.returncode == 0, done.stderr
     return out
+
+
+def results(run):
+    """The files of a run, records without their times."""
+    found = {}
+    for path in run.rglob("*"):
+        inside = path.relative_to(run)
+        if path.is_dir() or inside.parts[0] in ("cache", ".lock"):
+            continue
+        content = path.read_bytes()
+        if inside.parts[0] == "records":
+            records = [json.loads(line) for line in content.splitlines()]
+            content = [{k: v for k, v in record.items() if k not in ("times", "check")} for record in records]
+        found[inside] = content
+    return found
 
 
 def stored_matches(path):

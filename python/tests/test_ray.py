@@ -1,6 +1,5 @@
 """A plan on a real cluster of Ray on this machine: two workers, one of which is killed."""
 
-import json
 import os
 import pathlib
 import signal
@@ -10,7 +9,7 @@ import time
 
 import matchbench as mb
 import pytest
-from conftest import command
+from conftest import command, results
 
 ray = pytest.importorskip("ray", reason="Ray is not installed")
 
@@ -41,21 +40,6 @@ def planned(tmp_path_factory):
         return folder / name
 
     return folder, scene.path, plan
-
-
-def results(run):
-    """The files of a run, records without their times."""
-    found = {}
-    for path in run.rglob("*"):
-        inside = path.relative_to(run)
-        if path.is_dir() or inside.parts[0] in ("cache", ".lock"):
-            continue
-        content = path.read_bytes()
-        if inside.parts[0] == "records":
-            records = [json.loads(line) for line in content.splitlines()]
-            content = [{k: v for k, v in record.items() if k not in ("times", "check")} for record in records]
-        found[inside] = content
-    return found
 
 
 def worker_at(folder):

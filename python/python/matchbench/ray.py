@@ -6,9 +6,11 @@ started again, and no other. If its folder still exists, it continues after its 
 one machine, bit for bit except for the times.
 """
 
+import hashlib
 import importlib
 import json
 import os
+import stat
 import subprocess
 import sys
 import tempfile
@@ -49,8 +51,10 @@ def run(
     Otherwise, without an address, a cluster is started on this machine.
 
     With `shared`, all machines see the plan and the datasets under the same paths as here. Without it, images, matches
-    from files and results are sent through Ray's object store, and a machine keeps what it was sent in `matchbench-...`
-    in its temporary folder. A matcher from outside must be at the same path on every machine.
+    from files and results are sent through Ray's object store, and a machine keeps them in `matchbench-USER` in its
+    temporary folder (USER is the number of the user), in a folder for each plan and content of what was sent: results of
+    images that were replaced are not taken for those of the new ones. A matcher from outside must be at the same path on
+    every machine.
 
     A shard uses `cpus` threads, and `memory` bytes if that is given. Ray runs as many shards at a time as fit. It is
     given at most `at_once` of them (default: two for each that fits), so that results do not pile up. If the worker or
@@ -86,7 +90,8 @@ def run(
             start: Callable[[int], Any] = lambda number: task.remote(number, str(home), cpus)
         else:
             task = ray.remote(**needs)(_work_on_what_was_sent)
-            sent = (ray.put(text), _inputs(ray, planned), planned["hash"][:16], cpus)
+            inputs, digest = _inputs(ray, planned)
+            sent = (ray.put(text), inputs, f"{planned['hash'][:16]}-{digest[:16]}", cpus)
             start = lambda number: task.remote(number, _results(_shard(home, number)), *sent)
         numbers = iter(range(1, shards + 1))
         waiting = {start(number): number for number in islice(numbers, most)}
@@ -150,16 +155,17 @@ def _end_with_the_worker() -> None:
 def _work_on_what_was_sent(
     number: int, earlier: _Files, plan: bytes, inputs: list[tuple[str, str, _Files]], name: str, cpus: int
 ) -> _Files:
-    """Runs a shard on a machine that shares no folder with the others, and returns its results."""
+    """Runs a shard on a machine that shares no folder with the others, and returns its results. `name` is another for
+    other inputs."""
     ray: Any = importlib.import_module("ray")
-    home = Path(tempfile.gettempdir()) / f"matchbench-{name}"
+    home = _folder_of_the_user() / name
     _write_files(home, [("plan.json", plan)])
     if not _shard(home, number).exists():
         _write_files(_shard(home, number), earlier)
     more: list[str] = []
     for option, place, files in inputs:
         for inside, where in files:
-            # An existing file is complete: another shard on this machine was sent the same file.
+            # An existing file is complete and has this content: another shard on this machine was sent the same file.
             if not (home / inside).exists():
                 _write_files(home, [(inside, ray.get(where))])
         more += [option, place.format(home=home)]
@@ -167,13 +173,33 @@ def _work_on_what_was_sent(
     return _results(_shard(home, number))
 
 
-def _inputs(ray: Any, planned: dict[str, Any]) -> list[tuple[str, str, _Files]]:
-    """All that a machine is sent: an option of `matchbench work`, its value below `{home}`, and the files."""
+def _folder_of_the_user() -> Path:
+    """The folder of this user in the temporary folder, where others may have made one of this name before."""
+    if sys.platform == "win32":
+        return Path(tempfile.gettempdir()) / "matchbench"  # the temporary folder is the user's own
+    user = os.getuid()
+    folder = Path(tempfile.gettempdir()) / f"matchbench-{user}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user or found.st_mode & 0o022:
+        raise PermissionError(f"{folder} is no folder that user {user} alone can write to; remove it, or set TMPDIR")
+    return folder
+
+
+def _inputs(ray: Any, planned: dict[str, Any]) -> tuple[list[tuple[str, str, _Files]], str]:
+    """All that a machine is sent: an option of `matchbench work`, its value below `{home}`, and the files. Also a digest of
+    the paths and contents of these files."""
+    digest = hashlib.sha256()
 
     def sent(root: Path, to: str) -> _Files:
         paths = sorted(path for path in root.rglob("*") if path.is_file()) if root.is_dir() else [root]
         root = root if root.is_dir() else root.parent
-        return [(f"{to}/{path.relative_to(root).as_posix()}", ray.put(path.read_bytes())) for path in paths]
+        files: _Files = []
+        for path in paths:
+            inside, content = f"{to}/{path.relative_to(root).as_posix()}", path.read_bytes()
+            digest.update(f"{hashlib.sha256(content).hexdigest()} {inside}\0".encode(errors="surrogateescape"))
+            files.append((inside, ray.put(content)))
+        return files
 
     inputs: list[tuple[str, str, _Files]] = []
     for dataset in planned["plan"]["datasets"]:
@@ -192,7 +218,7 @@ def _inputs(ray: Any, planned: dict[str, Any]) -> list[tuple[str, str, _Files]]:
             files += sent(path, to)
             places.append(f"{{home}}/{to}" if path.is_dir() else f"{{home}}/{to}/{path.name}")
         inputs.append(("--matches", f"{matches['name']}={','.join(places)}", files))
-    return inputs
+    return inputs, digest.hexdigest()
 
 
 def _results(folder: Path) -> _Files:
