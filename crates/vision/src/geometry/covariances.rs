@@ -15,13 +15,16 @@
 //! *Choice the paper leaves open*: the polynomials of a lens model may fold the image over, or stretch it a lot,
 //! beyond the pixels that they were fitted to. Where the image is folded, or the squared stretches along the axes of
 //! the ellipse of noise sum up to more than 16, the model is not used, and the covariance is the identity. So no length
-//! is stretched more than fourfold, and where both axes are stretched alike, not more than 2.83-fold.
+//! is stretched more than fourfold, and where both axes are stretched alike, not more than 2.83-fold. To undo a fisheye
+//! stretches the image without bound towards 90 degrees, and rightly so: fourfold at 59 degrees, eightfold at 69. There
+//! the bound is so many times what an ideal fisheye stretches, whose angles are the distances from the centre.
 
 use nalgebra::{Matrix2, Point2};
 
 use super::Lens;
 
-/// Largest root of the sum of both squared stretches for which the lens model is used.
+/// Largest root of the sum of both squared stretches for which the lens model is used; of a fisheye, in those of an ideal
+/// one.
 const MAX_STRETCH: f64 = 4.0;
 
 /// The covariance of each point of [`PointPairs`](super::PointPairs): the entries xx, xy and yy of a symmetric
@@ -77,8 +80,27 @@ fn covariance(lens: Option<&Lens>, point: Point2<f64>) -> [f64; 3] {
         .map(|j: Matrix2<f64>| j * j.transpose());
     match covariance {
         // The trace is the sum of the squared stretches along the axes of the ellipse; NaN is no stretch.
-        Some(s) if s.trace() <= MAX_STRETCH * MAX_STRETCH => [s.m11, s.m12, s.m22],
+        Some(s) if s.trace() <= MAX_STRETCH * MAX_STRETCH * expected(lens, point) => {
+            [s.m11, s.m12, s.m22]
+        }
         _ => IDENTITY,
+    }
+}
+
+/// The mean of both squared stretches that a lens of this kind has at a point at depth 1: 1, or those of an ideal fisheye.
+fn expected(lens: &Lens, point: Point2<f64>) -> f64 {
+    match lens {
+        Lens::Brown(_) => 1.0,
+        Lens::Fisheye(_) => {
+            let tangent = point.coords.norm();
+            let outwards = 1.0 + tangent * tangent;
+            let around = if tangent > 0.0 {
+                tangent / libm::atan(tangent)
+            } else {
+                1.0
+            };
+            0.5 * (outwards * outwards + around * around)
+        }
     }
 }
 
@@ -86,7 +108,7 @@ fn covariance(lens: Option<&Lens>, point: Point2<f64>) -> [f64; 3] {
 mod tests {
     use super::*;
     use crate::geometry::{
-        Camera, Distortion, MatchedPoints, PointPairs, squared_sampson_distances,
+        Camera, Distortion, Fisheye, MatchedPoints, PointPairs, squared_sampson_distances,
     };
     use nalgebra::Matrix3;
 
@@ -173,6 +195,33 @@ mod tests {
                 covariance(Some(&folding), Point2::new(r, 0.0)),
                 [1.0, 0.0, 1.0]
             );
+        }
+    }
+
+    #[test]
+    fn a_fisheye_stretches_as_far_as_it_sees() {
+        let ideal = Lens::Fisheye(Fisheye::default());
+        for degrees in [0.0_f64, 1.0, 30.0, 59.0, 70.0, 80.0, 89.0] {
+            let angle = degrees.to_radians();
+            let [xx, xy, yy] = covariance(Some(&ideal), Point2::new(angle.tan(), 0.0));
+            let around = if angle > 0.0 {
+                angle.tan() / angle
+            } else {
+                1.0
+            };
+            let outwards = 1.0 / angle.cos().powi(2);
+            assert!((xx.sqrt() / outwards - 1.0).abs() < 1e-6, "{degrees} {xx}");
+            assert!((yy.sqrt() / around - 1.0).abs() < 1e-6, "{degrees} {yy}");
+            assert!(xy.abs() < 1e-6 * xx, "{degrees} {xy}");
+        }
+        // angle (1 - 0.3 angle^2) has its fold at 1.054, 60.4 degrees.
+        let folding = Lens::Fisheye(Fisheye {
+            k1: -0.3,
+            ..Fisheye::default()
+        });
+        for degrees in [60.0_f64, 65.0, 80.0] {
+            let at = Point2::new(degrees.to_radians().tan(), 0.0);
+            assert_eq!(covariance(Some(&folding), at), [1.0, 0.0, 1.0], "{degrees}");
         }
     }
 
