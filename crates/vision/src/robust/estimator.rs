@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn points_at_any_depth_choose_the_pose_only_where_depth_has_no_limit() {
+    fn far_inliers_choose_the_pose_where_wrong_matches_are_near() {
         let camera = Camera::pinhole(500.0, 500.0, 320.0, 240.0);
         let mut points = MatchedPoints::default();
         let mut rng = Seed(6).rng();
@@ -289,24 +289,42 @@ mod tests {
             let seen = Point2::new(x + 0.001 + 0.009 * rng.uniform(), y);
             points.push(camera.project(Point2::new(x, y)), camera.project(seen), 0.5);
         }
-        let views = TwoViews {
-            points: &points,
-            camera_a: &camera,
-            camera_b: &camera,
-        };
         let unlimited = presets::ransac_e_inliers();
         let near = SampleConsensusParams {
             max_depth: 50.0,
             ..unlimited
         };
-        let [unlimited, near] = [unlimited, near].map(|params| {
-            let estimator = SampleConsensus::new(params).expect("in range");
-            estimator.estimate(views, Seed(1))
-        });
+        let estimates = |points: &MatchedPoints| {
+            [unlimited, near].map(|params| {
+                let views = TwoViews {
+                    points,
+                    camera_a: &camera,
+                    camera_b: &camera,
+                };
+                let estimator = SampleConsensus::new(params).expect("in range");
+                estimator.estimate(views, Seed(1))
+            })
+        };
+        let is_right = |found: &PoseEstimate| found.b_from_a.direction.x > 0.999;
+        let [unlimited, near] = estimates(&points);
         let unlimited = unlimited.expect("a pose");
-        assert!(unlimited.b_from_a.direction.x > 0.999);
+        assert!(is_right(&unlimited));
         assert_eq!(unlimited.support, 30);
+        // Nothing at all says which way the camera moved.
         assert_eq!(near, Err(NoModel::NOTHING_IN_FRONT));
+        // Wrong matches near the cameras, for which the camera moved the other way.
+        for y in [-0.4, 0.1, 0.3] {
+            let seen = Point2::new(0.1 - 0.05, y);
+            points.push(
+                camera.project(Point2::new(0.1, y)),
+                camera.project(seen),
+                0.5,
+            );
+        }
+        for found in estimates(&points) {
+            let found = found.expect("a pose");
+            assert!(is_right(&found), "{:?}", found.b_from_a.direction);
+        }
     }
 
     #[test]

@@ -10,8 +10,8 @@
 //!    best one is improved on the tangent space of poses, with a truncated loss. With `geometry.plane_poses`, the
 //!    best is compared in the end with the poses that a plane of its inliers allows.
 //! 3. A final refinement over the matches near the result, with the loss of choice.
-//! 4. The inliers decide which of the four poses it is ([`choose_pose`]); then all matches in front
-//!    of both cameras are counted as its support.
+//! 4. The inliers decide which of the four poses it is ([`choose_pose`]): those near enough to support one, or those at
+//!    any depth where fewer than a tenth are. Then all matches in front of both cameras are counted as its support.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
@@ -60,8 +60,8 @@ use super::{
     PoseEstimator, Problem, TwoViews,
 };
 use crate::geometry::{
-    Loss, PointPairs, choose_pose, decompose_essential, essential_from_pose, pose_support,
-    refine_pose, squared_sampson_distances,
+    Loss, PointPairs, RelativePose, choose_pose, decompose_essential, essential_from_pose,
+    pose_support, refine_pose, squared_sampson_distances,
 };
 use crate::params::ParamError;
 use crate::seed::Seed;
@@ -161,6 +161,36 @@ impl SampleConsensus {
         squared_sampson_distances(&model, pairs, 0..pairs.len(), &mut residuals);
         (model, inliers_within(&residuals, squared_threshold))
     }
+
+    /// The pose of an essential matrix that its inliers choose; or all matches, if no inlier is near enough. `None` if
+    /// they support none either. With a short baseline nearly all inliers lie beyond `max_depth`, and wrong matches,
+    /// which seem near, would choose: then inliers at any depth do.
+    fn pose_of(
+        &self,
+        model: &Matrix3<f64>,
+        inliers: &PointPairs,
+        pairs: &PointPairs,
+    ) -> Option<RelativePose> {
+        let near = |pairs| supported(model, pairs, self.params.max_depth);
+        let (pose, support) = near(inliers).or_else(|| near(pairs).map(|(pose, _)| (pose, 0)))?;
+        if NEAR_ENOUGH * support >= inliers.len() {
+            return Some(pose);
+        }
+        let far = supported(model, inliers, f64::INFINITY);
+        Some(far.map_or(pose, |(pose, _)| pose))
+    }
+}
+
+/// One of so many inliers must support a pose, or inliers at any depth choose it.
+const NEAR_ENOUGH: usize = 10;
+
+/// The pose that most matches support, and how many do, if any does ([`choose_pose`]).
+fn supported(
+    model: &Matrix3<f64>,
+    pairs: &PointPairs,
+    max_depth: f64,
+) -> Option<(RelativePose, usize)> {
+    choose_pose(model, pairs, max_depth).filter(|&(_, support)| support > 0)
 }
 
 impl PoseEstimator for SampleConsensus {
@@ -200,14 +230,9 @@ impl PoseEstimator for SampleConsensus {
         let iterations = found.samples;
         let (model, inliers) = self.finish(found, pairs);
         let agreeing = pairs.chosen(&inliers);
-        let b_from_a = match choose_pose(&model, &agreeing, self.params.max_depth) {
-            Some((pose, support)) if support > 0 => pose,
-            // If no inlier is near enough, all matches decide.
-            _ => match choose_pose(&model, pairs, self.params.max_depth) {
-                Some((pose, support)) if support > 0 => pose,
-                _ => return Err(NoModel::NOTHING_IN_FRONT),
-            },
-        };
+        let b_from_a = self
+            .pose_of(&model, &agreeing, pairs)
+            .ok_or(NoModel::NOTHING_IN_FRONT)?;
         let support = pose_support(&b_from_a, pairs, self.params.max_depth);
         Ok(PoseEstimate {
             b_from_a,
