@@ -38,7 +38,7 @@ class Image:
     """An image file, and the pixels that a matcher asked for last."""
 
     def __init__(self, path, size):
-        self.path, self.size, self.scale = path, tuple(size), (1.0, 1.0)
+        self.path, self.size, self.scale, self.is_exact = path, tuple(size), (1.0, 1.0), False
 
     def gray(self, max_size=None, size=None):
         """Grey pixels, uint8, at most `max_size` wide and high, or of exactly `size`, which is width and height."""
@@ -61,7 +61,7 @@ class Image:
             raise ValueError("`max_size` and `size` say two things of the same image; leave one out")
         factor = min(1.0, max_size / max(self.size)) if max_size else 1.0
         new = [max(1, round(length * factor)) for length in (size or self.size)]
-        self.scale = (width / new[0], height / new[1])
+        self.scale, self.is_exact = (width / new[0], height / new[1]), bool(size)
         if size:
             between = _between(_between(pixels.astype(np.int32), new[1], 0), new[0], 1)
             return ((between + (1 << 15)) >> 16).astype(np.uint8)
@@ -129,10 +129,11 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         more = {key: np.asarray(value, np.float32) for key, value in (more[0] if more else {}).items()}
         across, down = image.scale
         if "scales" in more:
-            more["scales"] = more["scales"] * np.float32(np.sqrt(across * down))
-        if "angles" in more and across != down:
-            x, y = np.cos(more["angles"]), np.sin(more["angles"])
-            more["angles"] = np.arctan2(np.float32(down) * y, np.float32(across) * x)
+            more["scales"] = more["scales"] * np.float32(np.sqrt(across * down) if image.is_exact else across)
+        angles = more.get("angles")
+        # An exact size turns directions. What are no radians is not turned, so that it is refused as what it is.
+        if angles is not None and image.is_exact and np.nanmax(np.abs(angles), initial=0) < 6.3 and not (angles == -1).all():
+            more["angles"] = np.arctan2(np.float32(down) * np.sin(angles), np.float32(across) * np.cos(angles))
         points = image.original(points).astype("<f4")
         if len(points) == 0:  # OpenCV has None instead of descriptors; any length will do
             descriptors = np.zeros((0, 1), np.uint8)
@@ -190,7 +191,7 @@ def _read(path, gray):
     except ImportError:
         import PIL.Image
         image = PIL.Image.open(path)
-        if image.mode == "I" or image.mode.startswith("I;16"):
+        if image.mode.startswith("I;16") or (image.mode == "I" and image.format in ("PNG", "PPM")):
             image = PIL.Image.fromarray(_upper_bits(np.asarray(image), path))
         return np.asarray(image.convert("L" if gray else "RGB"))
     mode = cv2.IMREAD_GRAYSCALE if gray else cv2.IMREAD_COLOR

@@ -141,7 +141,8 @@ fn once(what: &str, named: &[String], id: &str) -> PyResult<()> {
 /// # Errors
 /// If they are set otherwise too: `settings` are for what is given by name.
 fn change(study: &mut Study, id: &str, given: &Value) -> PyResult<()> {
-    if study.set.of(id).is_some() {
+    let has_own = given.as_object().is_some_and(|own| !own.is_empty());
+    if has_own && study.set.of(id).is_some() {
         let message = format!(
             "`{id}` is an object with parameters of its own, which are set once more; give them in one place"
         );

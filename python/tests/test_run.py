@@ -178,6 +178,7 @@ def test_other_code_is_another_version():
 
     assert version_of(Counting(3)) == version_of(Counting(4)), "what a method sets is what it remembers"
     assert version_of(Stated(3)) == version_of(Stated(4)), "params say what decides"
+
     class Parallel(Staged):
         workers = 2
 

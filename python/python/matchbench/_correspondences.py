@@ -12,7 +12,7 @@ from ._native import Features, search
 
 @dataclass(frozen=True, eq=False)
 class Correspondences:
-    """Putative matches. Unpacks as `indices, distances`."""
+    """Putative matches. Unpacks as `indices, distances`. All arrays have a row for each match."""
 
     indices: NDArray[np.int64]
     """m x 2: feature of a, feature of b."""
@@ -26,6 +26,12 @@ class Correspondences:
     growths: NDArray[np.float32] | None = None
     """m: the natural logarithm of how many times as large the keypoint of b is as that of a; None if sizes are not known,
     which is also where all are equal. `estimator("adaptive")` uses them beside turns."""
+
+    def __post_init__(self) -> None:
+        for name in ("distances", "second", "turns", "growths"):
+            column = getattr(self, name)
+            if column is not None and len(column) != len(self.indices):
+                raise ValueError(f"{name}: {len(column)} for {len(self.indices)} matches; give one for each")
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         return iter((self.indices, self.distances))

@@ -84,8 +84,10 @@ def write_dataset(
     says in a few words what the images show, `origin` where they come from. With `store`, the dataset names the files where
     they are ("reference"), or has links to them or copies of them."""
     files = [path("images", file, "a list of paths") for file in several("images", images)]
+    if not files:
+        raise ValueError("images: there are none")
     count = len(files)
-    taken = [cameras] * count if isinstance(cameras, Camera) else list(cameras)
+    taken = [cameras] * count if isinstance(cameras, Camera) else several("cameras", cameras)
     if len(taken) != count:
         raise ValueError(f"cameras: {len(taken)} for {count} images; give one for each, or one Camera for all")
     frames = list(zip(files, taken, _poses(world_from_camera, count), strict=True))
@@ -113,6 +115,8 @@ def _poses(given: Any, count: int) -> list[list[float]]:
 def _pairs(given: Any, count: int) -> list[tuple[int, int]]:
     """Pairs of numbers of images."""
     array = np.asarray(given)
+    if array.size == 0:
+        raise ValueError("pairs: there are none, so nothing would be matched")
     if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
         what = f"an array of {array.dtype} with shape {list(array.shape)}"
         raise ValueError(f'pairs: {what}; give k x 2 whole numbers, the indices of images, or a rule such as "all"')

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::mem;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use matchbench_vision::features::Features;
@@ -19,6 +19,7 @@ use serde_json::json;
 use super::answer::{Matched, Times};
 use super::manifest::{Kind, Matching};
 use super::pool::{Breakdown, External, Image};
+use super::process::lock;
 use crate::cache::{FeatureCache, Key};
 use crate::datasets::read_size;
 use crate::files::read_file;
@@ -28,7 +29,7 @@ use crate::matchers::{
 };
 
 /// Raised whenever the same files of features come to be read as other features.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 
 impl External {
     /// The matcher as a source of matched points; the features of one that describes images are kept
@@ -257,11 +258,6 @@ impl Described {
         lock(&self.known).note(&path, features.memory());
         Ok((features, times))
     }
-}
-
-/// What is in it, also where another thread panicked while it held it.
-fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn points(rows: &[[f32; 5]]) -> MatchedPoints {

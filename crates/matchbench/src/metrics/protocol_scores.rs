@@ -178,7 +178,10 @@ fn means(all: &[ProtocolScores], results: &[ResultSet]) -> Vec<ProtocolScores> {
             pairs: sets.iter().map(|set| set.pairs).sum(),
             failed: sets.iter().map(|set| set.failed).sum(),
             scores: scores.collect(),
-            otherwise: alone(&sets, all).into_iter().chain(unfinished).collect(),
+            otherwise: unfinished
+                .or_else(|| alone(&sets, all))
+                .into_iter()
+                .collect(),
             ..sets[0].clone()
         }
     };
@@ -225,7 +228,7 @@ fn otherwise(set: &ResultSet, plan: Option<&Plan>, protocol: &Protocol) -> Vec<S
             let how = match protocol.centres {
                 Centres::Scaled => "points were kept where they are when sizes change",
                 Centres::Kept => {
-                    "points were multiplied by the ratio when sizes change, not kept where they are"
+                    "points were multiplied by the ratio of the sizes when these change, not kept where they are"
                 }
             };
             found.push(how.to_owned());

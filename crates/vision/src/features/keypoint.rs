@@ -48,9 +48,12 @@ impl Keypoint {
     /// By how much `other`, the same point seen in another image, is turned against this keypoint, in radians
     /// from 0 to 2 pi; `None` where one of them has no orientation.
     pub fn turn_to(&self, other: &Self) -> Option<f32> {
+        use std::f32::consts::TAU;
         let turn = other.angle? - self.angle?;
-        Some(if turn < 0.0 {
-            turn + std::f32::consts::TAU
+        Some(if !(-TAU..TAU).contains(&turn) {
+            turn.rem_euclid(TAU) // of angles from outside, which may be negative
+        } else if turn < 0.0 {
+            turn + TAU
         } else {
             turn
         })

@@ -7,7 +7,7 @@
 //! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
 //!
 //! All that is joined is read and checked before anything is written, and the run appears when all of it is written, see
-//! [`staged`](super::staged): whatever stops a join, it can be repeated. The result is a run like any other: it can be
+//! [`staged`](super::staged): a join that is stopped leaves no run. The result is a run like any other: it can be
 //! scored, reported, and go on.
 
 mod plan;

@@ -314,7 +314,9 @@ fn another_estimator_asks_only_for_the_matches_that_are_not_stored() {
             // The device is told once: by the estimator that came first to the matches of a pair.
             let but_for_devices = |run: &str| {
                 let mut records = bench.records(run);
-                records.iter_mut().for_each(|record| record.device = None);
+                for record in &mut records {
+                    record.device = None;
+                }
                 records
             };
             assert_eq!(but_for_devices("run"), but_for_devices("whole"));
