@@ -2,6 +2,7 @@
 //! check as the manifest says.
 
 use matchbench_vision::features::Features;
+use matchbench_vision::geometry::MatchedPoints;
 use matchbench_vision::matching::{
     MutualCheck, NearestNeighbours, RatioTest, Search, Selector, View,
 };
@@ -10,11 +11,11 @@ use matchbench_vision::seed::Seed;
 use super::manifest::Matching;
 
 impl Matching {
-    /// The matches of two images as x_a, y_a, x_b, y_b and ambiguity, and how many there were before
-    /// the ratio test and the mutual check. Descriptors of different kinds have none.
-    pub fn matches(&self, a: &Features, b: &Features) -> (Vec<[f32; 5]>, usize) {
+    /// The matches of two images, with turns and growths where angles and scales are known, and how many there were
+    /// before the ratio test and the mutual check. Descriptors of different kinds have none.
+    pub fn matches(&self, a: &Features, b: &Features) -> (MatchedPoints, usize) {
         if a.descriptors.kind() != b.descriptors.kind() {
-            return (Vec::new(), 0);
+            return (MatchedPoints::default(), 0);
         }
         let view = |features| View {
             features,
@@ -35,11 +36,8 @@ impl Matching {
         if self.is_mutual() {
             prune(&MutualCheck);
         }
-        let rows = matches.iter().map(|m| {
-            let [a, b] = [a.keypoints[m.a as usize].at, b.keypoints[m.b as usize].at];
-            [a.x, a.y, b.x, b.y, m.ambiguity()]
-        });
-        (rows.collect(), putative)
+        let points = MatchedPoints::of_matches(&matches, a, b);
+        (points.expect("they are of these features"), putative)
     }
 }
 
@@ -69,9 +67,9 @@ mod tests {
     fn matches_are_pruned_as_the_manifest_says() {
         let (a, b) = (features(&[1.0, 3.0, 8.0]), features(&[2.5, 9.0, 10.0]));
         let first = |matching: Matching| {
-            let (rows, putative) = matching.matches(&a, &b);
+            let (points, putative) = matching.matches(&a, &b);
             assert_eq!(putative, 3);
-            rows.iter().map(|row| row[0]).collect::<Vec<_>>()
+            points.a.iter().map(|at| at.x).collect::<Vec<_>>()
         };
         let ratio = Some(0.4);
         // 1 and 3 both choose 2.5, which chooses 3; 8 is at 1 from 9 and at 2 from 10.
@@ -89,6 +87,26 @@ mod tests {
             Vec::new(),
             Descriptors::Float(FloatRows::new(2)),
         );
-        assert_eq!(Matching::default().matches(&a, &two), (Vec::new(), 0));
+        assert_eq!(
+            Matching::default().matches(&a, &two),
+            (MatchedPoints::default(), 0)
+        );
+    }
+
+    #[test]
+    fn angles_and_scales_become_turns_and_growths() {
+        let (mut a, mut b) = (features(&[1.0, 8.0]), features(&[1.0, 8.0]));
+        let points = |a: &Features, b: &Features| Matching::default().matches(a, b).0;
+        let unknown = points(&a, &b);
+        assert_eq!((unknown.turns, unknown.growths), (None, None));
+        for (features, angle, size) in [(&mut a, 0.5, 2.0), (&mut b, 1.5, 4.0)] {
+            for keypoint in &mut features.keypoints {
+                (keypoint.angle, keypoint.size) = (Some(angle), size);
+            }
+        }
+        let known = points(&a, &b);
+        assert_eq!(known.turns, Some(vec![1.0; 2]));
+        let growth = known.growths.expect("sizes differ")[0];
+        assert!((growth - 2.0_f32.ln()).abs() < 1e-6, "{growth}");
     }
 }

@@ -203,13 +203,13 @@ impl PointSource for Described {
             return Err(SourceError::Pair(reason));
         }
         let start = Instant::now();
-        let (rows, putative) = self.matching.matches(&a, &b);
+        let (points, putative) = self.matching.matches(&a, &b);
         let matching = start.elapsed().as_secs_f64();
         let times = [&times_a, &times_b].map(Option::as_ref);
         let extract = |times: &Times| times.own.get("extract").copied().unwrap_or(times.wall);
         let walls = times.iter().flatten().map(|times| times.wall);
         Ok(SourcedMatches {
-            points: points(&rows),
+            points,
             features: [a.len() as u32, b.len() as u32],
             putative: Some(putative as u32),
             seconds: SourceSeconds {

@@ -207,8 +207,14 @@ fn ask(
         return external.match_pair(pair, a, b);
     };
     let (a, b) = (external.describe(a)?, external.describe(b)?);
+    let points = matching.matches(&a.features, &b.features).0;
+    let ends = points.a.iter().zip(&points.b).zip(&points.ambiguity);
+    let rows = ends.map(|((a, b), &ambiguity)| {
+        let [a, b] = [a, b].map(|at| at.cast::<f32>());
+        [a.x, a.y, b.x, b.y, ambiguity]
+    });
     Ok(Matched {
-        rows: matching.matches(&a.features, &b.features).0,
+        rows: rows.collect(),
         features: Some([a.features.len() as u32, b.features.len() as u32]),
         times: Times {
             wall: a.times.wall + b.times.wall,
