@@ -99,7 +99,8 @@ def run(
     are added later can use; the "inliers" of each estimator; or "none".
 
     After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised; pairs that wait for
-    their turn with a matcher written in Python are not begun. The same call continues from there. A call with more
+    their turn with a matcher written in Python are not begun, and a pair that was finished behind one of them is matched
+    again. The same call continues from there. A call with more
     datasets, matchers, estimators, pairs or repetitions than before, into the same folder, computes only these.
     """
     datasets = some("dataset", dataset, "give at least one")
