@@ -60,11 +60,13 @@ impl StageQuartiles {
             |get: fn(&StageTimes) -> Option<f64>| pairs.iter().filter_map(move |p| get(&p.times));
         let counts: Vec<Counts> = (pairs.iter())
             .filter(|pair| pair.outcome != Err(Failure::Broken))
-            .filter_map(|pair| pair.counts.filter(Counts::has_features))
+            .filter_map(|pair| pair.counts)
             .collect();
-        // A pair without matches does not say whether there were features, unless others do.
-        let are_known = counts.iter().any(Counts::counts_features);
-        let features = (counts.iter().filter(|_| are_known))
+        // Matches without features are those of a matcher that has none: then a pair without matches has none to count.
+        let are_known =
+            counts.iter().any(Counts::counts_features) || counts.iter().all(Counts::has_features);
+        let features = (counts.iter())
+            .filter(|counts| are_known && counts.has_features())
             .flat_map(|counts| [counts.features_a, counts.features_b]);
         Self {
             features: Quartiles::of(features.map(f64::from)),
@@ -120,7 +122,8 @@ mod tests {
         let median = |pairs: &[PairResult]| StageQuartiles::new(pairs).features.map(|f| f.median);
         let (matched, empty) = (pair([0, 0, 30, 30]), pair([0; 4]));
         assert_eq!(median(&[matched.clone(), empty.clone()]), None);
-        assert_eq!(median(&[empty.clone(), empty.clone()]), None);
+        // Nothing says that this one has no features.
+        assert_eq!(median(&[empty.clone(), empty.clone()]), Some(0.0));
         // One that has features found none in an empty image.
         let counted = pair([80, 40, 30, 30]);
         assert_eq!(median(&[counted.clone(), empty.clone()]), Some(20.0));

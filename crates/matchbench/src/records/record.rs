@@ -235,8 +235,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Whether any feature is counted. A matcher that never counts one has none: matches that come from outside may come
-    /// without features.
+    /// Whether any feature is counted. A matcher that has matches and never counts one has none: matches that come from
+    /// outside may come without features.
     pub fn counts_features(&self) -> bool {
         self.features_a > 0 || self.features_b > 0
     }

@@ -52,7 +52,11 @@ pub(super) fn seconds_for_a_pair(content: &Content, summary: &Summary) -> Option
 fn is_of_one_stage(content: &Content, summary: &Summary) -> bool {
     let mut own = (content.summaries.iter()).filter(|other| other.matcher == summary.matcher);
     content.outside.contains_key(&summary.matcher)
-        && own.all(|Summary { stages, .. }| stages.extract.is_none() && stages.features.is_none())
+        && own.all(|Summary { stages, .. }| {
+            // Pairs without matches do not say whether there were features.
+            let has_features = stages.features.is_some_and(|features| features.mean > 0.0);
+            stages.extract.is_none() && !has_features
+        })
 }
 
 /// What is to be said of the times for a pair on a dataset, in sentences: which are of matchers of [one

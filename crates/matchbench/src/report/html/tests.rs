@@ -179,11 +179,13 @@ fn a_matcher_of_one_stage_has_the_time_that_its_pairs_were_waited_for() {
     // Whoever has features may have kept them from before: the search is not all.
     let mut with_features = content.clone();
     with_features.summaries[room].stages.features = Quartiles::of([0.0, 900.0]);
-    let mut extracted_there = content;
+    let mut extracted_there = content.clone();
     extracted_there.summaries[hall].stages.extract = Quartiles::of([0.1]);
     for content in [with_features, extracted_there] {
         assert!(!render(&content).contains("chart scatter"));
     }
+    content.summaries[room].stages.features = Quartiles::of([0.0]);
+    assert!(is_at(&render(&content), "260 ms"), "no pair has a match");
 }
 
 #[test]
