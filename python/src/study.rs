@@ -141,10 +141,9 @@ fn once(what: &str, named: &[String], id: &str) -> PyResult<()> {
 /// # Errors
 /// If they are set otherwise too: `settings` are for what is given by name.
 fn change(study: &mut Study, id: &str, given: &Value) -> PyResult<()> {
-    let has_own = given.as_object().is_some_and(|own| !own.is_empty());
-    if has_own && study.set.of(id).is_some() {
+    if study.set.of(id).is_some() {
         let message = format!(
-            "`{id}` is an object with parameters of its own, which are set once more; give them in one place"
+            "`{id}` is an object, which has the parameters that it was made with, and `settings` set some more; give them in one place"
         );
         return Err(value_error(message));
     }
