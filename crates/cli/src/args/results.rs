@@ -30,7 +30,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "datasets", "pairs", "preset"])]
     pub errors: Option<PathBuf>,
     /// Score by the protocol of another benchmark, and say where the run departed from it: protocols of
-    /// `matchbench list protocols`, separated by commas, or `all`, which of a run under several are these
+    /// `matchbench list protocols`, separated by commas, or `all`. If the run was made under protocols of other
+    /// benchmarks, `all` are those that it was made under
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub protocol: Vec<String>,
     /// How to write the scores
