@@ -5,7 +5,7 @@
 //! two vectors perpendicular to it. The residual of a match is its signed Sampson distance. Steps are those of
 //! Levenberg and Marquardt, in radians.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector5};
+use nalgebra::{Matrix3, Matrix5, Quaternion, UnitQuaternion, UnitVector3, Vector3, Vector5};
 
 use super::epipolar::row_major;
 use super::levenberg_marquardt::{LeastSquares, Loss, NormalEquations, minimise};
@@ -40,7 +40,15 @@ pub fn refine_pose(
 /// Gauss-Newton step, `(J^T J)^-1 J^T r`. The result is the root of the sum of this variance and the squared
 /// length of this step. It is at most `UNKNOWN`, which is also the result if the matches do not determine the
 /// pose.
-pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64) -> f64 {
+///
+/// What `J^T J` says of the direction of translation counts by the share `of_scene`, 0 to 1: the rest is no parallax of the
+/// scene but noise, which the caller can tell.
+pub(crate) fn pose_deviation(
+    pose: &RelativePose,
+    pairs: &PointPairs,
+    noise: f64,
+    of_scene: f64,
+) -> f64 {
     /// The largest possible value: no angle can be less certain.
     const UNKNOWN: f64 = std::f64::consts::PI;
     let weights = vec![1.0; pairs.len()];
@@ -53,7 +61,9 @@ pub(crate) fn pose_deviation(pose: &RelativePose, pairs: &PointPairs, noise: f64
     if !information.iter().all(|x| x.is_finite()) {
         return UNKNOWN;
     }
-    let least = information.symmetric_eigenvalues().min();
+    let scale = Vector5::from_fn(|k, _| if k < 3 { 1.0 } else { of_scene.sqrt() });
+    let counted = Matrix5::from_fn(|k, l| information[(k, l)] * (scale[k] * scale[l]));
+    let least = counted.symmetric_eigenvalues().min();
     let step = information
         .cholesky()
         .map(|factors| factors.solve(&gradient));
@@ -192,22 +202,29 @@ mod tests {
     fn the_deviation_is_that_of_estimates() {
         let noise = 1e-3;
         let pairs = matches(200, 0, noise);
-        let stated = pose_deviation(&truth(), &pairs, noise);
+        let stated = pose_deviation(&truth(), &pairs, noise, 1.0);
         let found = refine_pose(&truth(), &pairs, Loss::Truncated, 1.0, 20);
         let off = found.error(&truth()).max();
         assert!(off < 3.0 * stated && off > 0.1 * stated, "{off} {stated}");
         let fewer: PointPairs = (0..50).map(|i| pairs.get(i)).collect();
-        let ratio = pose_deviation(&truth(), &fewer, noise) / stated;
+        let ratio = pose_deviation(&truth(), &fewer, noise, 1.0) / stated;
         assert!(
             (1.4..3.0).contains(&ratio),
             "a quarter of the matches, half as sure: {ratio}"
         );
+        let quarter = pose_deviation(&truth(), &pairs, noise, 0.25) / stated;
+        assert!(
+            (1.5..2.0).contains(&quarter),
+            "a quarter of the direction, and of the rotation all: {quarter}"
+        );
+        let nothing = pose_deviation(&truth(), &pairs, noise, 0.0);
+        assert!((nothing - std::f64::consts::PI).abs() < 1e-12);
     }
 
     #[test]
     fn a_pose_that_is_not_refined_is_as_far_off_as_a_step_takes_it() {
         let (pairs, start) = (matches(200, 0, 0.0), disturbed(0.01));
-        let stated = pose_deviation(&start, &pairs, 1e-6);
+        let stated = pose_deviation(&start, &pairs, 1e-6, 1.0);
         let error = start.error(&truth());
         let off = error.rotation.hypot(error.translation);
         assert!((stated / off - 1.0).abs() < 0.1, "{stated} {off}");
@@ -215,7 +232,7 @@ mod tests {
 
     #[test]
     fn no_matches_tell_nothing() {
-        let stated = pose_deviation(&truth(), &PointPairs::default(), 1e-3);
+        let stated = pose_deviation(&truth(), &PointPairs::default(), 1e-3, 1.0);
         assert!((stated - std::f64::consts::PI).abs() < 1e-12);
     }
 
@@ -224,7 +241,7 @@ mod tests {
         for far in [1e90, 1e160, 1e300, f64::INFINITY, f64::NAN] {
             let at = Point2::new(far, 1.0);
             let pairs: PointPairs = [(at, at); 3].into_iter().collect();
-            let stated = pose_deviation(&truth(), &pairs, 1e-3);
+            let stated = pose_deviation(&truth(), &pairs, 1e-3, 1.0);
             assert!(
                 stated > 0.0 && stated <= std::f64::consts::PI,
                 "{far}: {stated}"
