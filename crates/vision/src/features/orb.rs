@@ -31,7 +31,7 @@
 //!
 //! Positions on a level are multiplied by its scale `s`, as there. The levels are resampled so that pixel centres
 //! correspond at `s (x + 1/2) - 1/2`, so keypoints of coarse levels lie `(s - 1) / 2` pixels too far left and up: 1.3
-//! pixels on the eighth.
+//! pixels on the eighth. The sides of a level are rounded, which adds up to `s / 2` pixels at the right and the lower border.
 //!
 //! # Differences from OpenCV
 //! None in keypoints; one bit in a million, where sums in floating point round differently. Where

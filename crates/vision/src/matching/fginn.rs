@@ -69,7 +69,7 @@ impl Selector for Fginn {
                 places.find_second_floats(a, b, matches);
             }
             (Descriptors::Binary(a), Descriptors::Binary(b)) => {
-                places.find_second_bits(a, b, matches);
+                places.find_second_bits(a, b, matches, self.ratio);
             }
             _ => panic!("descriptors of one kind"),
         }
@@ -123,15 +123,33 @@ impl Places<'_> {
         }
     }
 
-    /// The same of rows of bits.
-    fn find_second_bits(&self, a: &BinaryRows, b: &BinaryRows, matches: &mut Correspondences) {
-        let mut elsewhere = Vec::new();
+    /// The same of rows of bits, as far as a match passes the test: where one does not, its second nearest is a feature
+    /// elsewhere by which it fails, and the others need not be looked at.
+    fn find_second_bits(
+        &self,
+        a: &BinaryRows,
+        b: &BinaryRows,
+        matches: &mut Correspondences,
+        test: RatioTest,
+    ) {
+        /// Features that are compared before the test is asked.
+        const AT_ONCE: usize = 128;
+        let mut some = Vec::with_capacity(AT_ONCE);
         for found in matches {
-            elsewhere.clear();
-            elsewhere.extend(self.elsewhere(found.b, 0..b.len() as u32));
             let query = a.row(found.a as usize);
-            let nearest = nearest_bits_among(query, b.data(), &elsewhere);
-            found.second = nearest.map_or(f32::INFINITY, |bits| bits as f32);
+            let mut elsewhere = self.elsewhere(found.b, 0..b.len() as u32);
+            found.second = f32::INFINITY;
+            loop {
+                some.clear();
+                some.extend(elsewhere.by_ref().take(AT_ONCE));
+                let Some(bits) = nearest_bits_among(query, b.data(), &some) else {
+                    break;
+                };
+                found.second = found.second.min(bits as f32);
+                if !test.keeps(found) {
+                    break;
+                }
+            }
         }
     }
 }
@@ -191,6 +209,48 @@ mod tests {
         let b = features(&[20.0, 25.0, 41.0], bits(&[1, 2, 0xff]));
         assert_eq!(left(&a, &b, 4.0), []);
         assert_eq!(left(&a, &b, 10.0), [(0, 0, 8.0)]);
+    }
+
+    #[test]
+    fn who_fails_early_would_have_failed_and_who_passes_was_compared_with_all() {
+        let mut rng = Seed(9).rng();
+        let count = 1_000;
+        let mut rows: Vec<u64> = (0..4 * count).map(|_| rng.uniform().to_bits()).collect();
+        let a = features(&[0.0; 500], binary(&rows[..2_000]));
+        for row in rows.chunks_exact_mut(4).take(100) {
+            row[0] ^= 0xf0;
+        }
+        let places: Vec<f32> = (0..count).map(|i| i as f32).collect();
+        let b = features(&places, binary(&rows));
+        let found = left(&a, &b, 10.0);
+        let mut expected = Vec::new();
+        for found in &NearestNeighbours.search(&a, &b) {
+            let is_elsewhere = |&j: &usize| (j as f32 - found.b as f32).abs() > 10.0;
+            let query = &rows_of(&a)[4 * found.a as usize..][..4];
+            let bits = |j: usize| {
+                let row = &rows_of(&b)[4 * j..][..4];
+                let differing = query.iter().zip(row).map(|(a, b)| (a ^ b).count_ones());
+                differing.sum::<u32>()
+            };
+            let second = (0..count).filter(is_elsewhere).map(bits).min();
+            let second = second.expect("there are others") as f32;
+            if found.distance < 0.8 * second {
+                expected.push((found.a, found.b, second));
+            }
+        }
+        assert!(expected.len() > 90 && expected.len() < 1_000);
+        assert_eq!(found, expected);
+    }
+
+    fn binary(words: &[u64]) -> Descriptors {
+        Descriptors::Binary(BinaryRows::from_vec(256, words.to_vec()))
+    }
+
+    fn rows_of(features: &Features) -> &[u64] {
+        match &features.descriptors {
+            Descriptors::Binary(rows) => rows.data(),
+            Descriptors::Float(_) => panic!("these are bits"),
+        }
     }
 
     #[test]

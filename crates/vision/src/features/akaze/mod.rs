@@ -31,6 +31,11 @@
 //! times are not divided by the squared ratio of resolutions; the patch must lie within the
 //! image; the rules of suppression (`candidates`).
 //!
+//! Octaves have whole numbers of pixels, and positions are multiplied by 2, 4 and 8, as there. Where a side of the image is
+//! no multiple of these, keypoints of coarse octaves lie too far left or up, more so to the right or below: by up to 1, 3
+//! and 7 pixels. Orientation and descriptor are read where the position in the image, over the step of the octave, points
+//! to, as there: by a quarter to almost half a pixel of the octave right of the maximum and below it.
+//!
 //! *Differences from OpenCV*: last digits of sums. Corner pixels diffuse like all others. A sample
 //! that rounding puts just outside the image is taken from its border, not left out.
 

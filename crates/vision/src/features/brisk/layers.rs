@@ -17,7 +17,7 @@ struct Layer {
     image: GrayImage,
     /// FAST scores of all pixels, 0 where there is none.
     scores: GrayImage,
-    /// Pixel `x` of this layer is `scale * x + offset` of the image.
+    /// Pixel `x` of this layer is taken for `scale * x + offset` of the image.
     scale: f32,
     offset: f32,
 }

@@ -33,7 +33,8 @@
 //! explicit diffusion, which follows the equation more closely. The results differ, so that one
 //! of the two had to be chosen.
 //!
-//! *Differences from OpenCV*: last digits of sums; the order of keypoints, which is by level here.
+//! *Differences from OpenCV*: last digits of sums, which in flat drawings can move the contrast by a bin of its histogram;
+//! the order of keypoints, which is by level here.
 
 mod descriptor;
 mod extrema;

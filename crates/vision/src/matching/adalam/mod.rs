@@ -38,7 +38,8 @@
 //! | | `max_stretch` | 5 | the authors' program |
 //! | | `refit` | true | the authors' program |
 //!
-//! *Choices the paper leaves open*: of equally clear matches the first is the seed. A keypoint without an
+//! *Choices the paper leaves open*: of equally clear matches near each other the first is the seed, unless a clearer one is
+//! near it; then the next. (In the authors' program all of them are.) A keypoint without an
 //! orientation or of size 0 agrees with every seed in it. Nothing is random: pairs are drawn in a fixed order.
 //!
 //! *Differs from the authors' program*: (1) The seed and the sample are kept together with the inliers that
@@ -243,21 +244,33 @@ fn radius(size: Size, area_ratio: f64) -> f64 {
     (area / (area_ratio * core::f64::consts::PI)).sqrt()
 }
 
-/// Those of `seeds`, sorted by clarity, that have no clearer one within `radius` in image a: step 1.
+/// Those of `seeds`, sorted by clarity, that have within `radius` in image a neither a clearer one nor an equally clear one
+/// that was taken: step 1.
 fn clearest(seeds: &[usize], candidates: &[Candidate], radius: f64) -> Vec<usize> {
     let near =
         |i: usize, j: usize| (candidates[i].a - candidates[j].a).norm_squared() < radius * radius;
-    let is_clearest = |&at: &usize| !seeds[..at].iter().any(|&clearer| near(clearer, seeds[at]));
-    (0..seeds.len())
-        .filter(is_clearest)
-        .map(|at| seeds[at])
-        .collect()
+    let mut taken: Vec<usize> = Vec::new();
+    // The place of the first of the equally clear ones.
+    let mut first = 0;
+    for (at, &seed) in seeds.iter().enumerate() {
+        if candidates[seeds[first]].ambiguity < candidates[seed].ambiguity {
+            first = at;
+        }
+        // Matches that are equally clear, as those of unmistakable features are, would rule each other out in a chain
+        // across the image, if those counted that were not taken.
+        let mut others = seeds[..first].iter().chain(&taken);
+        if !others.any(|&other| near(other, seed)) {
+            taken.push(seed);
+        }
+    }
+    taken
 }
 
 /// A match, with the data that neighbourhoods use.
 struct Candidate {
     a: Point2<f64>,
     b: Point2<f64>,
+    ambiguity: f32,
     /// From the orientation in a to that in b, in radians.
     turn: Option<f64>,
     /// Size in b over size in a.
@@ -271,6 +284,7 @@ impl Candidate {
         Self {
             a: a.at.cast(),
             b: b.at.cast(),
+            ambiguity: found.ambiguity(),
             turn: a
                 .angle
                 .zip(b.angle)

@@ -170,6 +170,7 @@ fn inliers_are_those_of_the_definition() {
                 Candidate {
                     a: centre + at,
                     b: centre + moves,
+                    ambiguity: 0.5,
                     turn: None,
                     growth: None,
                 }
@@ -223,17 +224,47 @@ fn inliers_are_those_of_the_definition() {
 
 #[test]
 fn seeds_are_the_clearest_around_and_of_equals_the_first() {
-    let at = |x: f64| Candidate {
+    let at = |(x, ambiguity): (f64, f32)| Candidate {
         a: Point2::new(x, 0.0),
         b: Point2::origin(),
+        ambiguity,
         turn: None,
         growth: None,
     };
     // In the order of their clarity; 8 loses to 5, which loses to 0 and is no seed itself.
-    let candidates = [0.0, 5.0, 8.0, 20.0, 30.0, 20.0].map(at);
+    let candidates = [
+        (0.0, 0.1),
+        (5.0, 0.2),
+        (8.0, 0.3),
+        (20.0, 0.4),
+        (30.0, 0.4),
+        (20.0, 0.4),
+    ]
+    .map(at);
     assert_eq!(clearest(&[0, 1, 2, 3, 4, 5], &candidates, 10.0), [0, 3, 4]);
     assert_eq!(clearest(&[1, 2, 4], &candidates, 10.0), [1, 4]);
     assert_eq!(clearest(&[], &candidates, 10.0), [0; 0]);
+    // Of equally clear ones, those that were not taken rule nothing out, but clearer ones do.
+    let candidates = [
+        (0.0, 0.0),
+        (6.0, 0.0),
+        (12.0, 0.0),
+        (18.0, 0.0),
+        (24.0, 0.1),
+    ]
+    .map(at);
+    assert_eq!(clearest(&[0, 1, 2, 3, 4], &candidates, 10.0), [0, 2]);
+}
+
+#[test]
+fn equally_clear_matches_are_kept_all_over_the_image() {
+    let mut scene = Scene::default();
+    for place in 0..1200 {
+        let (column, row) = (f64::from(place / 30), f64::from(place % 30));
+        let at = Point2::new(16.0 * column, 16.0 * row);
+        scene.push(keypoint(at, 4.0, 0.0), keypoint(at, 4.0, 0.0), 0.0);
+    }
+    assert!(scene.kept().iter().all(|&kept| kept));
 }
 
 #[test]
@@ -241,6 +272,7 @@ fn turns_and_growths_agree_around_the_circle() {
     let with = |turn: f64, growth: f64| Candidate {
         a: Point2::origin(),
         b: Point2::origin(),
+        ambiguity: 0.5,
         turn: Some(turn.to_radians()),
         growth: Some(growth),
     };

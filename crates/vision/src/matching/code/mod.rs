@@ -151,7 +151,8 @@ impl Code {
         for (pass, &least) in params.likelihoods.iter().enumerate() {
             let rng = &mut seed.number(pass as u64).rng();
             let Some(coherence) = Coherence::learn(motions, candidates, params, rng) else {
-                return vec![false; matches.len()];
+                // What an earlier pass kept stays.
+                break;
             };
             for (i, kept) in kept.iter_mut().enumerate() {
                 *kept = coherence.accepts(motions, i, least, params.squared_transfer);

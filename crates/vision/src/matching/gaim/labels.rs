@@ -13,6 +13,8 @@ use crate::params::ParamError;
 /// Largest number of features in a block, and least number of blocks per label if there are that many features.
 const BLOCK: usize = 16;
 const BLOCKS_PER_LABEL: usize = 16;
+/// Most features of the first image.
+const MAX_NODES: usize = 20_000;
 /// Most candidates per feature.
 const MAX_LABELS: usize = 10_000;
 
@@ -22,7 +24,8 @@ const MAX_LABELS: usize = 10_000;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CandidateLabels {
-    /// Largest number of features of the first image, those with the strongest response; at least 1.
+    /// Largest number of features of the first image, those with the strongest response; 1 to 20,000, since each is
+    /// compared with every other.
     pub nodes: usize,
     /// Largest number of candidates per feature; 1 to 10,000.
     pub labels: usize,
@@ -64,7 +67,8 @@ impl CandidateLabels {
 
     /// Refuses parameters out of range.
     pub(super) fn check(&self) -> Result<(), ParamError> {
-        ParamError::unless(self.nodes >= 1, "nodes", self.nodes, "at least 1")?;
+        let allowed = (1..=MAX_NODES).contains(&self.nodes);
+        ParamError::unless(allowed, "nodes", self.nodes, "1 to 20000")?;
         let allowed = (1..=MAX_LABELS).contains(&self.labels);
         ParamError::unless(allowed, "labels", self.labels, "1 to 10000")?;
         let fine = self.apart_px >= 0.0 && self.apart_px.is_finite();
@@ -98,7 +102,8 @@ impl CandidateLabels {
                 let is_near = |m: &Correspondence| {
                     (b.keypoints[m.b as usize].at - at).norm_squared() < apart * apart
                 };
-                if !candidates[own..].iter().any(is_near) {
+                // Without a distance nothing is near, however many candidates there are.
+                if apart == 0.0 || !candidates[own..].iter().any(is_near) {
                     candidates.push(Correspondence {
                         a: node as u32,
                         b: index,

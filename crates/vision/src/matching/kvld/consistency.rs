@@ -103,13 +103,15 @@ impl Lines {
 }
 
 /// A neighbour of a match.
+#[derive(Clone, Copy)]
 struct Link {
     other: u32,
-    /// Distance of the lines; `None` if the two matches are not consistent.
-    distance: Option<f32>,
+    /// Distance of the lines; infinite if the two matches are not consistent.
+    distance: f32,
 }
 
-/// For each match its neighbours.
+/// For each match its neighbours, except those without any consistent neighbour: they are dropped before others ask for
+/// them, and where nothing is consistent they would be very many.
 pub(super) struct Graph(Vec<Vec<Link>>);
 
 impl Graph {
@@ -120,7 +122,9 @@ impl Graph {
         let mut links: Vec<Vec<Link>> = placed.iter().map(|_| Vec::new()).collect();
         let mut consistent = vec![0; placed.len()];
         let min = params.min_length_px * params.min_length_px;
+        let mut own = Vec::new();
         for (i, match_i) in placed.iter().enumerate() {
+            own.clear();
             for j in grid.around(match_i.a) {
                 if consistent[i] >= params.max_neighbours {
                     break;
@@ -138,15 +142,26 @@ impl Graph {
                 }
                 let alike = match_i.inconsistency(match_j) < params.max_geometry;
                 let distance = (alike.then(|| lines.distance(match_i, match_j)).flatten())
-                    .filter(|&distance| distance < params.max_distance);
-                for (from, to) in [(i, j), (j as usize, i as u32)] {
-                    consistent[from] += u32::from(distance.is_some());
-                    links[from].push(Link {
-                        other: to,
-                        distance,
-                    });
+                    .filter(|&distance| distance < params.max_distance)
+                    .unwrap_or(f32::INFINITY);
+                for end in [i, j as usize] {
+                    consistent[end] += u32::from(distance.is_finite());
                 }
+                own.push(Link { other: j, distance });
             }
+            // All that are compared with this one have been now.
+            if consistent[i] == 0 {
+                links[i] = Vec::new();
+                continue;
+            }
+            for &Link { other, distance } in &own {
+                let back = i as u32;
+                links[other as usize].push(Link {
+                    other: back,
+                    distance,
+                });
+            }
+            links[i].extend(&own);
         }
         Self(links)
     }
@@ -213,9 +228,9 @@ impl Graph {
         for link in &self.0[index] {
             if kept[link.other as usize] {
                 support.neighbours += 1;
-                if let Some(distance) = link.distance {
+                if link.distance.is_finite() {
                     support.consistent += 1;
-                    support.distance += distance;
+                    support.distance += link.distance;
                 }
             }
         }
