@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::Result;
 use matchbench::counted::counted;
-use matchbench::datasets::{EXPORTS, Sequence, export};
+use matchbench::datasets::{EXPORTS, Sequence, export, not_exported};
 
 use crate::Ending;
 use crate::args::ConvertArgs;
@@ -15,8 +15,9 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
     let root = export(&args.format, &sequence, &args.out)?;
     let layout = EXPORTS.iter().find(|layout| layout.id == args.format);
     let pairs = layout.and_then(|layout| layout.pairs);
+    let mut out = stdout();
     writeln!(
-        stdout(),
+        out,
         "{}: {}, {}; image names start from {}\nTo import it again: matchbench import {} {} NAME --image-root {}{}",
         args.out.display(),
         counted(sequence.frames.len(), "frame"),
@@ -30,5 +31,13 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
             typed(&args.out.join(file))
         ))
     )?;
+    let lost = not_exported(&sequence);
+    if !lost.is_empty() {
+        writeln!(
+            out,
+            "Left out, since the layout has no place for it: {}",
+            lost.join(", ")
+        )?;
+    }
     Ok(Ending::Done)
 }

@@ -9,7 +9,8 @@
 mod tests;
 
 use std::collections::HashMap;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -24,6 +25,7 @@ use super::array::{Array, Element, Kind, MAX_BYTES};
 use super::metered::Metered;
 use crate::counted::counted;
 use crate::files::{open_file, write_new};
+use crate::panics::caught;
 
 /// The most groups and arrays of a file, since each needs memory for its name. A file with a hundred thousand
 /// pairs has a million arrays. A group is counted each time it is met, since links can make a few groups look
@@ -78,6 +80,17 @@ impl Hdf5 {
         bytes.starts_with(b"\x89HDF\r\n\x1a\n")
     }
 
+    /// Whether the file at `path` starts as one. Nothing but a file of a disk is opened: a pipe would wait for data.
+    pub(crate) fn is_file(path: &Path) -> bool {
+        let mut start = [0; 8];
+        let is_on_disk = path.metadata().is_ok_and(|about| about.is_file());
+        is_on_disk
+            && File::open(path)
+                .and_then(|mut file| file.read_exact(&mut start))
+                .is_ok()
+            && Self::is_it(&start)
+    }
+
     /// Opens the file at `path`, which has this content.
     ///
     /// # Errors
@@ -99,8 +112,11 @@ impl Hdf5 {
             .with_max_chunk_bytes(bytes.min(DEFAULT_MAX_CHUNK_BYTES))
             .with_max_object_header_bytes(16 << 20);
         let storage = Arc::new(Metered::new(storage));
-        let file = Reader::from_storage_with_options(Arc::clone(&storage) as DynStorage, options)
-            .map_err(|error| ArrayError::damaged(path, format!("no HDF5 file ({error})")))?;
+        let file = decoded(|| {
+            Reader::from_storage_with_options(Arc::clone(&storage) as DynStorage, options)
+                .map_err(|error| format!("no HDF5 file ({error})"))
+        })
+        .map_err(|what| ArrayError::damaged(path, what))?;
         Ok(Self {
             path: path.into(),
             file,
@@ -136,9 +152,11 @@ impl Hdf5 {
             listings: HashMap::new(),
         };
         self.storage.allow(read);
-        let collected = (self.file.root_group())
-            .map_err(|error| self.damaged(error))
-            .and_then(|root| self.collect(&root, "", 0, &mut found));
+        let collected = caught(|| {
+            let root = (self.file.root_group()).map_err(|error| self.damaged(error))?;
+            self.collect(&root, "", 0, &mut found)
+        })
+        .unwrap_or_else(|panic| Err(self.damaged(panic)));
         let is_spent = self.storage.is_spent();
         self.storage.allow(u64::MAX);
         // Links whose targets were not read any more have no error of their own.
@@ -202,8 +220,8 @@ impl Hdf5 {
 
     /// The shape that the array at `path` says it has; `None` if it cannot be read.
     pub(crate) fn stated_shape(&self, path: &str) -> Option<Vec<usize>> {
-        let sides = self.file.dataset(path).ok()?;
-        (sides.shape().iter())
+        let array = caught(|| self.file.dataset(path)).ok()?.ok()?;
+        (array.shape().iter())
             .map(|&side| usize::try_from(side).ok())
             .collect()
     }
@@ -234,7 +252,7 @@ impl Hdf5 {
                 .map_err(|error| error.to_string())?;
             Array::new(shape, element, bytes)
         };
-        array().map_err(|what| self.damaged(what).of(path))
+        decoded(array).map_err(|what| self.damaged(what).of(path))
     }
 
     fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
@@ -256,6 +274,11 @@ impl Hdf5 {
             ..damaged
         }
     }
+}
+
+/// What the decoder makes of a file. It checks what files claim, but it is others' code: if it panics, that is an error too.
+fn decoded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    caught(decode).unwrap_or_else(Err)
 }
 
 /// Paths of the arrays that were found, and how many members and bytes of their paths may still be.

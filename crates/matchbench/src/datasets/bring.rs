@@ -6,10 +6,19 @@ use std::path::{Path, PathBuf};
 
 use super::manifest::{Manifest, ManifestFrame};
 use super::{DatasetError, Frame, Sequence, read_size};
+use crate::arrays::Hdf5;
+
+/// What a file of a frame holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Image,
+    Depth,
+}
 
 /// Links or copies a file of frame `index` into `folder`; returns its name there.
 pub(super) fn bring(
     file: &Path,
+    kind: Kind,
     folder: &Path,
     index: usize,
     is_copied: bool,
@@ -19,9 +28,11 @@ pub(super) fn bring(
     let name = Path::new(&format!("{index:04}")).with_extension(extension.to_ascii_lowercase());
     let target = folder.join(&name);
     if is_copied {
-        // A list may name any file by a mistake or on purpose, and only images are copied. (A copy from a pipe
-        // would wait for data.)
-        read_size(&source)?;
+        // A list may name any file by a mistake or on purpose, and only images and depth are copied. (A copy from a
+        // pipe would wait for data.)
+        if kind == Kind::Image || !Hdf5::is_file(&source) {
+            read_size(&source)?;
+        }
         fs::copy(&source, &target).map(drop)
     } else {
         link(&source, &target)

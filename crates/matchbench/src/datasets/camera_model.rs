@@ -7,18 +7,26 @@
 //! | SIMPLE_RADIAL | f cx cy k1 |
 //! | RADIAL | f cx cy k1 k2 |
 //! | OPENCV | fx fy cx cy k1 k2 p1 p2 |
+//! | SIMPLE_FISHEYE | f cx cy |
+//! | FISHEYE | fx fy cx cy |
+//! | SIMPLE_RADIAL_FISHEYE | f cx cy k1 |
+//! | RADIAL_FISHEYE | f cx cy k1 k2 |
 //! | OPENCV_FISHEYE | fx fy cx cy k1 k2 k3 k4 |
 //! | FULL_OPENCV | fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6, where k4, k5 and k6 must be 0, since our lens model has no denominator |
 
 use matchbench_vision::geometry::{Camera, CameraError, Distortion, Fisheye, Lens};
 
 /// The models with their parameters.
-const MODELS: [(&str, &str); 7] = [
+const MODELS: [(&str, &str); 11] = [
     ("SIMPLE_PINHOLE", "f cx cy"),
     ("PINHOLE", "fx fy cx cy"),
     ("SIMPLE_RADIAL", "f cx cy k1"),
     ("RADIAL", "f cx cy k1 k2"),
     ("OPENCV", "fx fy cx cy k1 k2 p1 p2"),
+    ("SIMPLE_FISHEYE", "f cx cy"),
+    ("FISHEYE", "fx fy cx cy"),
+    ("SIMPLE_RADIAL_FISHEYE", "f cx cy k1"),
+    ("RADIAL_FISHEYE", "f cx cy k1 k2"),
     ("OPENCV_FISHEYE", "fx fy cx cy k1 k2 k3 k4"),
     ("FULL_OPENCV", "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
 ];
@@ -84,7 +92,7 @@ pub fn camera_of_model(model: &str, params: &[f64]) -> Result<Camera, CameraMode
         ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"].map(|name| find(name).unwrap_or(0.0));
     let focal = |name| find("f").or(find(name)).expect("every model has one");
     let centre = |name| find(name).expect("every model has it");
-    let lens = if model == "OPENCV_FISHEYE" {
+    let lens = if model.ends_with("FISHEYE") {
         // Without coefficients too, it shows angles.
         Some(Fisheye { k1, k2, k3, k4 }.into())
     } else if [k4, k5, k6] != [0.0; 3] {
@@ -117,6 +125,10 @@ mod tests {
             k3: 0.3,
             k4: 0.4,
         };
+        let fish = |k1, k2| {
+            let (k3, k4) = (0.0, 0.0);
+            Some(Fisheye { k1, k2, k3, k4 }.into())
+        };
         let pixels = [500.0, 510.0, 320.0, 240.0];
         let expected = [
             ("SIMPLE_PINHOLE", 0, None),
@@ -124,11 +136,15 @@ mod tests {
             ("SIMPLE_RADIAL", 1, brown(0.1, 0.0, 0.0, 0.0, 0.0)),
             ("RADIAL", 2, brown(0.1, 0.2, 0.0, 0.0, 0.0)),
             ("OPENCV", 4, brown(0.1, 0.2, 0.3, 0.4, 0.0)),
+            ("SIMPLE_FISHEYE", 0, Some(Fisheye::default().into())),
+            ("FISHEYE", 0, Some(Fisheye::default().into())),
+            ("SIMPLE_RADIAL_FISHEYE", 1, fish(0.1, 0.0)),
+            ("RADIAL_FISHEYE", 2, fish(0.1, 0.2)),
             ("OPENCV_FISHEYE", 4, Some(fisheye.into())),
             ("FULL_OPENCV", 8, brown(0.1, 0.2, 0.3, 0.4, 0.5)),
         ];
         for (model, coefficients, distortion) in expected {
-            let has_one_focal = model.starts_with("SIMPLE") || model == "RADIAL";
+            let has_one_focal = model.starts_with("SIMPLE") || model.starts_with("RADIAL");
             let given = &pixels[usize::from(has_one_focal)..];
             let lens = &[0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0][..coefficients];
             let [.., cx, cy] = pixels;

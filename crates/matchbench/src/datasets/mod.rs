@@ -48,7 +48,7 @@ pub use decode::{decode_gray, gray_of_rgb, read_gray, read_size};
 pub use decode_error::{DecodeError, MAX_PIXELS, check_size, limit_pixels};
 pub use depth::{Depth, DepthFile, DepthUnit};
 pub use error::DatasetError;
-pub use exporters::{EXPORTS, Export, export};
+pub use exporters::{EXPORTS, Export, export, not_exported};
 pub use fingerprint::Whole;
 pub(crate) use importers::RENDERED;
 pub use importers::{
@@ -60,7 +60,7 @@ pub(crate) use names::{ImageNames, Named};
 pub use native::Unpaired;
 pub use pair_poses::pair_pose_problem;
 pub use pairs::{PairRule, PairRuleError, pairs_of, relative_pose};
-pub use parts::dataset_of_part;
+pub use parts::{dataset_of_part, is_dataset};
 pub use problem::{Problem, Severity};
 pub use sequence::{Frame, Pair, Sequence, Truth};
 pub use stored_depth::decode_depth;

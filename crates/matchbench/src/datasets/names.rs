@@ -50,6 +50,14 @@ impl Named {
             named => named,
         }
     }
+
+    /// What a name means that is known in two ways.
+    pub(crate) fn and(self, other: Self) -> Self {
+        match other {
+            Self::One(number) => self.or(number),
+            several @ Self::Several(..) => several,
+        }
+    }
 }
 
 impl ImageNames {

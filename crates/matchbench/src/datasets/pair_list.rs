@@ -1,6 +1,7 @@
 //! A list of pairs as a text file: `a b` in each line, where further columns are ignored. `a` and `b` are numbers of
 //! frames, counted from 0, or names of images. The first line says which: two whole numbers are those of frames. A tab
-//! separates names that have blanks.
+//! separates names that have blanks. Images that were copied or linked into the dataset answer to their former names
+//! too, if all names of the list are such names. A list that means other pairs by these is refused.
 
 use std::collections::HashSet;
 
@@ -24,11 +25,45 @@ pub(super) fn listed(file: &TextFile, frames: &[Frame]) -> Result<Vec<(u32, u32)
     if is_numbered(file) {
         return numbered(file, Some(frames.len()));
     }
-    let names = ImageNames::of(frames.iter().map(|frame| &*frame.image));
-    let is_whole = |name: &str| names.whole(name).is_some();
+    let images = ImageNames::of(frames.iter().map(|frame| &*frame.image));
+    if frames.iter().all(|frame| frame.name.is_none()) {
+        return named(file, frames, &images);
+    }
+    let former = ImageNames::of(frames.iter().map(Frame::former_image));
+    // Names that start from another root may end as others do.
+    match [&images, &former].map(|names| has_whole(file, names)) {
+        [true, false] => return named(file, frames, &images),
+        [false, true] => return named(file, frames, &former),
+        _ => {}
+    }
+    match (named(file, frames, &images), named(file, frames, &former)) {
+        (Ok(now), Ok(before)) if now != before => {
+            let differs = now
+                .iter()
+                .zip(&before)
+                .position(|(now, before)| now != before);
+            let row = differs.expect("each row is a pair");
+            let (line, _) = file.rows().nth(row).expect("there are as many rows");
+            let [(a, b), (former_a, former_b)] = [now[row], before[row]];
+            let what = format!(
+                "by the names that images have, these are frames {a} and {b}; by those that they had before they came \
+                 into the dataset, {former_a} and {former_b}"
+            );
+            Err(file.error(what, "write numbers of frames").at(line))
+        }
+        (Err(_), before @ Ok(_)) => before,
+        (now, _) => now,
+    }
+}
+
+/// The pairs of a list of names.
+fn named(
+    file: &TextFile,
+    frames: &[Frame],
+    names: &ImageNames,
+) -> Result<Vec<(u32, u32)>, DatasetError> {
     // The names may start from another root. If some do not, the others mean other images.
-    let any_whole = (file.rows())
-        .any(|(_, row)| two_names(row).is_some_and(|words| words.map(is_whole) == [true; 2]));
+    let any_whole = has_whole(file, names);
     let find = |name: &str| match if any_whole {
         names.whole(name)
     } else {
@@ -61,6 +96,13 @@ pub(super) fn listed(file: &TextFile, frames: &[Frame]) -> Result<Vec<(u32, u32)
         }
         Ok((a, b))
     })
+}
+
+/// Whether both names of a pair are the ends of paths.
+fn has_whole(file: &TextFile, names: &ImageNames) -> bool {
+    let is_whole = |name: &str| names.whole(name).is_some();
+    (file.rows())
+        .any(|(_, row)| two_names(row).is_some_and(|words| words.map(is_whole) == [true; 2]))
 }
 
 /// Whether a list has numbers of frames.
@@ -184,6 +226,28 @@ mod tests {
             let error = list(text).unwrap_err().to_string();
             assert!(error.starts_with(message), "{error}");
         }
+    }
+
+    #[test]
+    fn copies_are_listed_by_the_names_that_they_have_or_those_that_they_had() {
+        let mut frames = frames(&["0000.png", "0001.png", "0002.png"]);
+        for (number, frame) in frames.iter_mut().enumerate() {
+            frame.name = Some(format!("left/{number}5.png"));
+        }
+        let list = |text: &str, frames: &[Frame]| listed(&file(text), frames);
+        for text in ["left/05.png left/25.png", "0000.png 0002.png"] {
+            assert_eq!(list(text, &frames).unwrap(), [(0, 2)], "{text}");
+        }
+        let mixed = list("0000.png left/25.png", &frames).unwrap_err();
+        assert!(mixed.what.contains("`left/25.png`"), "{mixed}");
+        for (number, frame) in frames.iter_mut().enumerate() {
+            frame.name = Some(format!("left/000{}.png", (number + 1) % 3));
+        }
+        let several = list("left/0001.png left/0002.png", &frames);
+        assert_eq!(several.unwrap(), [(0, 1)], "no image is called so now");
+        let several = list("0001.png 0002.png", &frames).unwrap_err();
+        assert_eq!(several.line, Some(1));
+        assert!(several.what.contains("frames 1 and 2"), "{several}");
     }
 
     #[test]

@@ -24,11 +24,13 @@ pub fn dataset_of_part(file: &Path) -> Option<&Path> {
             .strip_prefix(folder)
             .ok()
             .and_then(|inner| inner.iter().next());
-        let is_dataset = || {
-            [PAIRS, HOMOGRAPHIES, manifest::FILE]
-                .iter()
-                .any(|name| folder.join(name).is_file())
-        };
-        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && is_dataset()
+        part.is_some_and(|part| PARTS.iter().any(|name| part == *name)) && is_dataset(folder)
     })
+}
+
+/// Whether a folder is that of a dataset, which may be damaged.
+pub fn is_dataset(folder: &Path) -> bool {
+    [PAIRS, HOMOGRAPHIES, manifest::FILE]
+        .iter()
+        .any(|name| folder.join(name).is_file())
 }

@@ -1,6 +1,6 @@
 //! A sequence, which is one dataset: frames, and pairs of frames with their truth.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{GrayImage, Size};
@@ -68,8 +68,8 @@ pub enum Truth {
 }
 
 impl Sequence {
-    /// The frame that somebody calls so: by its number, counted from 0, or by the name of its image, with or without
-    /// folders and ending.
+    /// The frame that somebody calls so: by its number, counted from 0, or by the name that its image has, or had before it was
+    /// copied or linked into the dataset, with or without folders and ending.
     ///
     /// # Errors
     /// If there is no such frame, or several images have this name.
@@ -81,8 +81,13 @@ impl Sequence {
             return Ok(number);
         }
         let file = |number: u32| self.frames[number as usize].image.clone();
-        let images = self.frames.iter().map(|frame| &*frame.image);
-        match ImageNames::of(images).whole(name) {
+        let images = ImageNames::of(self.frames.iter().map(|frame| &*frame.image));
+        let former = ImageNames::of(self.frames.iter().map(Frame::former_image));
+        let named = match [images, former].map(|names| names.whole(name)) {
+            [Some(now), Some(before)] => Some(now.and(before)),
+            [now, before] => now.or(before),
+        };
+        match named {
             Some(Named::One(number)) => Ok(number),
             Some(Named::Several(one, other)) => Err(DatasetError::new(
                 file(one),
@@ -119,6 +124,12 @@ impl Frame {
             world_from_camera: Some(world_from_camera),
             depth: None,
         }
+    }
+
+    /// What its image was called before it was copied or linked into the dataset, or what the link to it is called; its
+    /// path, where that is the same.
+    pub(crate) fn former_image(&self) -> &Path {
+        self.name.as_ref().map_or(&self.image, Path::new)
     }
 
     /// The same frame with its depth, if there is any.
@@ -245,5 +256,27 @@ mod tests {
             none,
             "office: there is no image `3`; give its name, or its number, which is below 3"
         );
+    }
+
+    #[test]
+    fn a_copy_is_called_as_its_image_was_if_none_is_called_so_now() {
+        let copies = [("0000.png", "0001.png"), ("0001.png", "0002.png")];
+        let frame = |(image, former): (&str, &str)| Frame {
+            name: Some(former.into()),
+            ..Frame::with_pose(
+                image,
+                Camera::pinhole(1.0, 1.0, 0.0, 0.0),
+                Isometry3::identity(),
+            )
+        };
+        let sequence = Sequence {
+            name: "office".into(),
+            frames: copies.map(frame).into(),
+            pairs: Vec::new(),
+        };
+        let called = |name: &str| sequence.frame_called(name).ok();
+        assert_eq!(called("0000.png"), Some(0));
+        assert_eq!(called("0002.png"), Some(1));
+        assert_eq!(called("0001.png"), None, "frame 1 now, frame 0 before");
     }
 }

@@ -244,9 +244,7 @@ pub(super) fn quaternion_motion(
     let quaternion = nalgebra::Quaternion::new(w, x, y, z);
     let length = quaternion.norm();
     if length.is_nan() || (length - 1.0).abs() > ORTHOGONALITY_TOLERANCE {
-        return Err(format!(
-            "the quaternion has length {length:.4}, not 1 (order: tx ty tz qx qy qz qw)"
-        ));
+        return Err(format!("the quaternion has length {length:.4}, not 1"));
     }
     Ok(Isometry3::from_parts(
         translation(xyz)?,

@@ -94,7 +94,8 @@ pub(super) fn parse_tum_lines(file: &TextFile) -> Result<Vec<TimedPose>, Dataset
                 .and_then(|[time, x, y, z, qx, qy, qz, qw]| {
                     Ok(TimedPose {
                         time,
-                        world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])?,
+                        world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])
+                            .map_err(|what| format!("{what} (order: tx ty tz qx qy qz qw)"))?,
                     })
                 })
                 .map_err(|what| file.error_at(line, what))

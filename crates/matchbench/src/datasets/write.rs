@@ -14,7 +14,7 @@ use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::{FloatImage, GrayImage, Size};
 use rayon::prelude::*;
 
-use super::bring::{bring, former_names, refer_to_images};
+use super::bring::{Kind, bring, former_names, refer_to_images};
 use super::depth::{DepthUnit, stored_value};
 use super::images::IMAGES;
 use super::manifest::{self, Manifest, ManifestFrame};
@@ -134,7 +134,7 @@ fn write_files(
             let names = former_names(&sequence.frames)?;
             let is_copied = matches!(images, ImageStorage::Copy);
             for (index, frame) in sequence.frames.iter().enumerate() {
-                let name = bring(&frame.image, &folder, index, is_copied)?;
+                let name = bring(&frame.image, Kind::Image, &folder, index, is_copied)?;
                 let former = names[index]
                     .as_deref()
                     .filter(|former| Path::new(former) != name);
@@ -144,7 +144,7 @@ fn write_files(
                     frames[index].name = Some(former.to_owned());
                 }
                 if let Some(file) = &frame.depth {
-                    let name = bring(&file.path, &depth, index, is_copied)?;
+                    let name = bring(&file.path, Kind::Depth, &depth, index, is_copied)?;
                     manifest.frames[index].depth = Some(Path::new(DEPTH).join(name));
                 }
             }

@@ -94,7 +94,7 @@ impl Names {
         Self {
             images: ImageNames::of(frames.iter().map(|frame| &*frame.image)),
             former: if has_former {
-                ImageNames::of(frames.iter().map(former_path))
+                ImageNames::of(frames.iter().map(Frame::former_image))
             } else {
                 ImageNames::default()
             },
@@ -214,11 +214,6 @@ impl Names {
         };
         (by, names.iter().any(is_doubtful))
     }
-}
-
-/// What the image of a frame was called before it was copied or linked.
-fn former_path(frame: &Frame) -> &Path {
-    frame.name.as_ref().map_or(&frame.image, Path::new)
 }
 
 /// A name, and two frames that it fits.

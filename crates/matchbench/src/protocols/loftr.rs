@@ -9,6 +9,9 @@
 //! *Oddities that are reproduced here*: the mean focal length uses fx of the first camera and fy of the second,
 //! each twice. Points are multiplied by the ratio of the sizes, which
 //! moves all of them (see [`Centres::Scaled`](super::Centres::Scaled)).
+//!
+//! *Differs*: MegaDepth's K counts from the corner of the first pixel, and its program takes points from the centre.
+//! Importers here move K, so the half pixel that all points are off there is not reproduced.
 
 use serde_json::json;
 
@@ -36,6 +39,7 @@ pub const LOFTR: Protocol = Protocol {
     failure: f64::INFINITY,
     notes: &[
         "Its program cuts both sides to multiples of 8, enlarges smaller images and resamples without smoothing; here neither is done.",
+        "MegaDepth's K counts from the corner of the first pixel and its points from the centre; here both count from the centre.",
         "Its ScanNet is 640x480, as SuperGlue's.",
     ],
 };

@@ -37,5 +37,6 @@ pub const SUPERGLUE: Protocol = Protocol {
     failure: f64::INFINITY,
     notes: &[
         "Images are resampled bilinearly without smoothing, as OpenCV's resize does unless told otherwise.",
+        "Its program resizes an image before it turns it, so one that a list turns by a quarter becomes 480x640; here it becomes 640x480.",
     ],
 };

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
 
-use super::{DatasetError, Frame, Sequence, read_size};
+use super::{DatasetError, Frame, Pair, Sequence, read_size};
+use crate::counted::counted;
 use crate::files::place_of;
 
 /// A layout that a dataset can be written in.
@@ -69,6 +70,23 @@ pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, 
         ));
     }
     (entry.write)(sequence, out)
+}
+
+/// What a dataset holds that no layout has a place for, in words.
+pub fn not_exported(sequence: &Sequence) -> Vec<String> {
+    let is_mapped = |pair: &&Pair| pair.homography().is_some();
+    let homographies = sequence.pairs.iter().filter(is_mapped).count();
+    let depths = (sequence.frames.iter())
+        .filter(|frame| frame.depth.is_some())
+        .count();
+    [
+        ("the homography", homographies, "pair"),
+        ("the depth", depths, "frame"),
+    ]
+    .into_iter()
+    .filter(|(_, count, _)| *count > 0)
+    .map(|(what, count, of)| format!("{what} of {}", counted(count, of)))
+    .collect()
 }
 
 /// The camera of a frame for the pixels as stored, and their size.

@@ -3,14 +3,15 @@
 //!
 //! `mav0/cam0/data.csv` (nanoseconds, file name), `mav0/cam0/data/` (images),
 //! `mav0/cam0/sensor.yaml` (`T_BS`: 4x4, camera to body; `intrinsics`: fx fy cx cy;
-//! `distortion_coefficients`: k1 k2 p1 p2; pixels count from the first one's centre) and
+//! `distortion_coefficients`: k1 k2 p1 p2, or k1 k2 k3 k4 of a fisheye, whose `distortion_model` is `equidistant`;
+//! pixels count from the first one's centre) and
 //! `mav0/state_groundtruth_estimate0/data.csv` (nanoseconds, position in metres, quaternion w x y z,
 //! and more, of the body). world_from_camera = world_from_body * T_BS. An image takes the state nearest in
 //! time, or an interpolated one. Images without a state are reported and left out.
 
 use std::path::Path;
 
-use matchbench_vision::geometry::{Camera, Distortion, Lens};
+use matchbench_vision::geometry::{Camera, Distortion, Fisheye, Lens};
 use matchbench_vision::image::Size;
 use nalgebra::Isometry3;
 
@@ -93,7 +94,8 @@ fn trajectory(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
         let [x, y, z, qw, qx, qy, qz] = text::exactly(&state.join(" "))?;
         Ok(TimedPose {
             time: seconds(time)?,
-            world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])?,
+            world_from_camera: text::quaternion_motion([x, y, z], [qx, qy, qz, qw])
+                .map_err(|what| format!("{what} (order: x y z qw qx qy qz)"))?,
         })
     };
     let mut poses = (file.rows())
@@ -109,7 +111,7 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
     let text = &without_comments(file.text());
     let pose: [f64; 16] = bracketed(text, "T_BS:").map_err(fail)?;
     let [fx, fy, cx, cy] = bracketed(text, "intrinsics:").map_err(fail)?;
-    let [k1, k2, p1, p2] = bracketed(text, "distortion_coefficients:").map_err(fail)?;
+    let [k1, k2, third, fourth] = bracketed(text, "distortion_coefficients:").map_err(fail)?;
     if let Some(model) = value_of(text, "camera_model:")
         && model != "pinhole"
     {
@@ -118,21 +120,24 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
             "the camera_model is {model}, and not pinhole"
         )));
     }
-    let lens = value_of(text, "distortion_model:").unwrap_or_default();
-    if !["radial-tangential", "radtan"].contains(&lens.trim_matches(['"', '\''])) {
-        return Err(fail(
-            "the distortion_model is not radial-tangential".to_owned(),
-        ));
-    }
+    let model = value_of(text, "distortion_model:").unwrap_or_default();
+    let lens: Lens = match model.trim_matches(['"', '\'']) {
+        "radial-tangential" | "radtan" => {
+            let (p1, p2, k3) = (third, fourth, 0.0);
+            Distortion { k1, k2, p1, p2, k3 }.into()
+        }
+        "equidistant" => {
+            let (k3, k4) = (third, fourth);
+            Fisheye { k1, k2, k3, k4 }.into()
+        }
+        _ => {
+            let what = "the distortion_model is neither radial-tangential nor equidistant";
+            return Err(fail(what.to_owned()));
+        }
+    };
     let pinhole = list::camera(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]).map_err(fail)?;
     let camera = Camera {
-        distortion: Some(Lens::Brown(Distortion {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3: 0.0,
-        })),
+        distortion: Some(lens),
         ..pinhole
     };
     camera.check().map_err(|error| fail(error.to_string()))?;
@@ -278,8 +283,8 @@ mod tests {
             ("[24, 17]", "[24, 0.5]", "is no width and height"),
             (
                 "radial-tangential",
-                "equidistant # not radial-tangential",
-                "the distortion_model is not radial-tangential",
+                "fov # not radial-tangential",
+                "the distortion_model is neither radial-tangential nor equidistant",
             ),
             (
                 "intrinsics: ",

@@ -15,8 +15,8 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::{Isometry3, Matrix3};
 
 use super::{
-    ImportOptions, Imported, given_camera, images_and_unread, images_left_out, own_name,
-    unread_left_out,
+    ImportOption, ImportOptions, Imported, given_camera, images_and_unread, images_left_out,
+    own_name, unread_left_out,
 };
 use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
@@ -124,7 +124,7 @@ fn choose(src: &Path, options: &ImportOptions<'_>) -> Result<String, DatasetErro
         return Err(DatasetError::new(
             folder,
             "there are several sequences",
-            format!("choose one of {list}"),
+            format!("choose one of {list} by {}", ImportOption::Sequence),
         ));
     };
     let padded = format!("{wanted:0>2}");

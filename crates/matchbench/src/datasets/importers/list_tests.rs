@@ -12,7 +12,8 @@ use super::tests::source;
 use super::{ImportOptions, Imported, import, read_source};
 use crate::arrays::testing::{npy, write_npz};
 use crate::datasets::{
-    DatasetError, DepthFile, DepthUnit, Pair, Sequence, Turn, export, testing, validate,
+    DatasetError, DepthFile, DepthUnit, ImageStorage, Pair, Sequence, Turn, export, testing,
+    validate,
 };
 
 /// Names, turns, K_0, K_1, T_0to1: a turn of 0.1 radians about y and a step.
@@ -400,6 +401,22 @@ fn megadepth_is_read_from_glue_factorys_texts() {
     let at = |x, y| depth.at(nalgebra::Point2::new(x, y));
     assert_eq!((at(0.0, 0.0), at(23.0, 16.0)), (None, Some(407.0 / 8.0)));
     assert_eq!(at(10.4, 8.0), Some(202.0 / 8.0));
+    let copied = ImportOptions {
+        images: ImageStorage::Copy,
+        ..ImportOptions::default()
+    };
+    let copy = src.parent().unwrap().join("copy");
+    fs::copy(src.join("p/b.png"), src.join("p/a.png")).unwrap();
+    import("megadepth", &src, &copy, &copied).unwrap();
+    fs::remove_file(src.join("p/a.png")).unwrap();
+    let depth = Sequence::open(&copy).unwrap().frames[1].read_depth();
+    assert_eq!(
+        depth
+            .unwrap()
+            .unwrap()
+            .at(nalgebra::Point2::new(23.0, 16.0)),
+        Some(407.0 / 8.0)
+    );
     // Images in `images`, but only if none lies beside the list.
     fs::create_dir(src.join("images")).unwrap();
     assert_eq!(

@@ -441,13 +441,16 @@ fn euroc_brings_the_camera_to_the_body() {
         );
     }
     let yaml = src.join("mav0/cam0/sensor.yaml");
-    fs::write(&yaml, sensor.replace("radial-tangential", "equidistant")).unwrap();
+    fs::write(&yaml, sensor.replace("radial-tangential", "fov")).unwrap();
     assert!(
         read("euroc", &src)
             .unwrap_err()
             .what
             .contains("distortion_model")
     );
+    fs::write(&yaml, sensor.replace("radial-tangential", "equidistant")).unwrap();
+    let fisheye = read("euroc", &src).unwrap().frames[0].camera.distortion;
+    assert!(matches!(fisheye, Some(Lens::Fisheye(_))), "{fisheye:?}");
     fs::write(&yaml, sensor.replace("-0.28", "-1e9")).unwrap();
     let error = read("euroc", &src).unwrap_err();
     assert!(error.what.starts_with("k1 is"), "{error}");

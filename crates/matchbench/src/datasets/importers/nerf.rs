@@ -7,7 +7,7 @@
 //! - The camera is `fl_x fl_y cx cy` in pixels, or `camera_angle_x` (radians, the whole width). It stands in a frame, or
 //!   before all of them. Where `fl_y` is missing, it is `fl_x`; where `cx cy` are, they are half of `w h`. Where these
 //!   are missing too, they are the size of the image.
-//! - `k1 k2 p1 p2 k3`, or `k1 k2 k3 k4` of an OPENCV_FISHEYE, may be missing.
+//! - `k1 k2 p1 p2 k3`, or `k1 k2 k3 k4` of a fisheye, may be missing.
 //! - Pixels are counted from the corner of the image, as in COLMAP, from which most of these files come. Half a pixel
 //!   is subtracted from principal points.
 //! - Paths are relative to the image root: the given folder, or that of the file. The ending may be missing, as in
@@ -293,11 +293,15 @@ impl Intrinsics {
         };
         let model = self.camera_model.as_deref().unwrap_or(unnamed);
         match model {
-            "OPENCV_FISHEYE" => {
+            "OPENCV_FISHEYE"
+            | "RADIAL_FISHEYE"
+            | "SIMPLE_RADIAL_FISHEYE"
+            | "FISHEYE"
+            | "SIMPLE_FISHEYE" => {
                 if [p1, p2] != [0.0; 2] {
                     return Err("a fisheye has no p1 and p2".into());
                 }
-                lens::camera(model, &[fx, fy, cx, cy, k1, k2, k3, k4])
+                lens::camera("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4])
             }
             _ if is_fisheye => {
                 let what = format!("is_fisheye is true, and the camera_model is {model}");
@@ -305,9 +309,7 @@ impl Intrinsics {
             }
             "SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" => {
                 if k4 != 0.0 {
-                    return Err(
-                        format!("k4 is {k4}, and only an OPENCV_FISHEYE may have it").into(),
-                    );
+                    return Err(format!("k4 is {k4}, and only a fisheye may have it").into());
                 }
                 let params = [fx, fy, cx, cy, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0];
                 lens::camera("FULL_OPENCV", &params)
@@ -491,7 +493,7 @@ mod tests {
             (
                 b,
                 "\"b.png\", \"k4\": 1, ",
-                "b.png: k4 is 1, and only an OPENCV_FISHEYE",
+                "b.png: k4 is 1, and only a fisheye",
             ),
             (
                 b,

@@ -20,8 +20,8 @@ use matchbench_vision::geometry::Camera;
 use nalgebra::Isometry3;
 
 use super::{
-    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out, own_name,
-    unread_left_out,
+    ImportOption, ImportOptions, Imported, base_name, given_camera, images_and_unread,
+    images_left_out, own_name, unread_left_out,
 };
 use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
@@ -104,6 +104,7 @@ fn choose(src: &Path, wanted: Option<&str>) -> Result<Option<String>, DatasetErr
     let list = found.iter().map(|number| format!("seq-{number}"));
     let list = list.collect::<Vec<_>>().join(", ");
     if let Some(wanted) = wanted {
+        let wanted = wanted.strip_prefix("seq-").unwrap_or(wanted);
         let padded = format!("{wanted:0>2}");
         return match found
             .iter()
@@ -123,7 +124,7 @@ fn choose(src: &Path, wanted: Option<&str>) -> Result<Option<String>, DatasetErr
         _ => Err(DatasetError::new(
             src,
             "there are several sequences",
-            format!("choose one of {list}"),
+            format!("choose one of {list} by {}", ImportOption::Sequence),
         )),
     }
 }

@@ -14,19 +14,15 @@ use nalgebra::{Isometry3, Matrix3};
 
 use super::list::check_camera_size;
 use super::{
-    ImportOptions, Imported, base_name, images_and_unread, images_left_out, own_name,
+    ImportOptions, Imported, base_name, given_camera, images_and_unread, images_left_out, own_name,
     unread_left_out,
 };
 use crate::counted::counted;
-use crate::datasets::native::parse_camera;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, Frame};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let given = match &options.camera {
-        Some(file) => Some(parse_camera(&TextFile::read(file)?)?),
-        None => None,
-    };
+    let given = given_camera(src, options, &[])?;
     let inside = src.join("images");
     let folder = if inside.is_dir() {
         inside

@@ -316,6 +316,7 @@ fn seven_scenes_skips_lost_poses() {
     );
     let first = ImportOptions {
         camera: None,
+        sequence: Some("seq-01".into()),
         ..options.clone()
     };
     let focal = || Ok::<_, DatasetError>(read_source("7scenes", &src, &first)?.frames[0].camera.fx);

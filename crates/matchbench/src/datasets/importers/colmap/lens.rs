@@ -139,6 +139,10 @@ mod tests {
             "OPENCV",
             "OPENCV_FISHEYE",
             "FULL_OPENCV",
+            "SIMPLE_RADIAL_FISHEYE",
+            "RADIAL_FISHEYE",
+            "SIMPLE_FISHEYE",
+            "FISHEYE",
         ];
         assert_eq!(read, expected);
     }

@@ -7,8 +7,8 @@
 //!
 //! - Pixels are counted from the corner of the image, so the centre of the first pixel is (0.5, 0.5). Half a
 //!   pixel is subtracted from principal points.
-//! - Camera models: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, and FULL_OPENCV where k4, k5
-//!   and k6 are 0; others are refused by name if an image has them.
+//! - Camera models: those of [`camera_of_model`](crate::datasets::camera_of_model); others are refused by name if an
+//!   image has them.
 //! - Images that exist must have the size of their camera. (Other sizes need another K.)
 //! - Frames are sorted by name, since the order in a model is that of the reconstruction.
 //! - Image names are relative to the image root. This is the given folder, or else the folder of the model or

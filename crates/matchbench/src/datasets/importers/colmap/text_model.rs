@@ -75,7 +75,8 @@ fn photograph(row: &str) -> Result<Photograph, String> {
     Ok(Photograph {
         name: name.join(" "),
         camera: (camera.parse()).map_err(|_| format!("`{camera}` is no number of a camera"))?,
-        camera_from_world: text::quaternion_motion([tx, ty, tz], [x, y, z, w])?,
+        camera_from_world: text::quaternion_motion([tx, ty, tz], [x, y, z, w])
+            .map_err(|what| format!("{what} (order: qw qx qy qz tx ty tz)"))?,
         points: Vec::new(),
     })
 }
