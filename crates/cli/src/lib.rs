@@ -39,6 +39,8 @@ pub(crate) enum Ending {
     Done,
     /// Everything was tried, but some tasks failed; or problems were found.
     SomeFailed,
+    /// A matcher gave up before everything was tried; the same command tries the rest again.
+    Unfinished,
     /// The user stopped it; finished work is kept.
     Stopped,
 }
@@ -57,8 +59,8 @@ impl Ending {
 }
 
 /// Executes the command in `arguments`, the first of which is the name of the program, and returns the exit
-/// code: 0 if everything was done, 1 after an error, which is printed, 2 if some tasks failed, 130 if the user
-/// stopped it. Handles the signals by which users stop it.
+/// code: 0 if everything was done, 1 after an error, which is printed, or if a matcher gave up and left tasks, 2 if some
+/// tasks failed, 130 if the user stopped it. Handles the signals by which users stop it.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
@@ -73,6 +75,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     match ending {
         Ok(Ending::Done) => 0,
         Ok(Ending::SomeFailed) => 2,
+        Ok(Ending::Unfinished) => 1,
         Ok(Ending::Stopped) => STOPPED,
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {

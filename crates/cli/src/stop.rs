@@ -29,8 +29,8 @@ fn ending() -> MutexGuard<'static, ()> {
     ENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What happens when the user stops the program: until work has [begun](Self::begin), and the second time, the process
-/// ends at once; then at most the pairs in flight are lost. The first time after it has begun, a token is set and a
+/// What happens when the user stops the program: until work has [begun](Self::begin), after its [end](Self::end), and the
+/// second time, the process ends at once; then at most the pairs in flight are lost. The first time after it has begun, a token is set and a
 /// message printed.
 #[derive(Clone, Default)]
 pub(crate) struct Stop {
@@ -58,6 +58,11 @@ impl Stop {
     pub(crate) fn begin(&self) -> &Cancel {
         self.has_begun.store(true, Ordering::Relaxed);
         &self.cancel
+    }
+
+    /// From now on there is nothing to be finished first.
+    pub(crate) fn end(&self) {
+        self.has_begun.store(false, Ordering::Relaxed);
     }
 }
 

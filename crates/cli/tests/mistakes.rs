@@ -66,6 +66,71 @@ fn where_one_of_two_arguments_is_needed_both_are_named() {
 }
 
 #[test]
+fn what_would_be_ignored_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    let tune = [
+        "tune",
+        "wall",
+        "--matchers=sift",
+        "--parameter=best.threshold_px",
+        "--values=1,2",
+        "--set=best.threshold_px=99",
+        "--out=t",
+    ];
+    let said = refused(folder, &tune);
+    assert!(said.contains("leave one of the two out"), "{said}");
+    for option in [
+        "--resized=10x10",
+        "--pixel-center=0.5",
+        "--verified",
+        "--note=by=me",
+        "--matches-format=npz",
+    ] {
+        let show = [
+            "show",
+            "wall",
+            "0",
+            "1",
+            "--matcher=sift",
+            option,
+            "--out=x.png",
+        ];
+        let said = refused(folder, &show);
+        assert!(said.contains("how to read --matches"), "{option}: {said}");
+    }
+}
+
+#[test]
+fn no_run_is_written_into_a_dataset() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    dataset(folder, "other", 3);
+    let plan = ["plan", "wall", "--matchers=sift", "--shards=1", "--out=p"];
+    succeeds(folder, &plan);
+    for out in ["--out=wall", "--out=other"] {
+        let tune = "tune wall --matchers=sift --parameter=best.threshold_px --values=1,2";
+        for words in [
+            "run wall --matchers=sift",
+            "work p --shard=1",
+            "merge p",
+            tune,
+        ] {
+            let mut words: Vec<&str> = words.split(' ').collect();
+            words.push(out);
+            if words[0] == "merge" {
+                succeeds(folder, &["work", "p", "--shard=1"]);
+            }
+            let said = refused(folder, &words);
+            assert!(said.contains("is a dataset"), "{words:?}: {said}");
+        }
+    }
+    assert!(!folder.join("wall/records").exists() && !folder.join("other/records").exists());
+}
+
+#[test]
 fn a_run_and_a_plan_without_matchers_say_how_they_are_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for words in [

@@ -209,7 +209,8 @@ fn a_program_that_breaks_costs_no_other_matcher() {
         "--out",
     ];
     let broken = output(&asked, &[&run, &wall]);
-    assert_eq!(broken.status.code(), Some(2), "{}", said(&broken));
+    // Not everything was tried.
+    assert_eq!(broken.status.code(), Some(1), "{}", said(&broken));
     let message = said(&broken);
     for part in ["3 images in a row", "no more memory", "logs/toy.log"] {
         assert!(message.contains(part), "{part}: {message}");
@@ -274,7 +275,8 @@ fn an_image_that_breaks_a_program_costs_its_own_pairs_alone() {
     for (expected, ends) in [((9, 9), true), ((12, 15), false)] {
         let broken = output(&asked, &[&run, &wall]);
         let message = said(&broken);
-        assert_eq!(broken.status.code(), Some(2), "{message}");
+        let code = if ends { 1 } else { 2 };
+        assert_eq!(broken.status.code(), Some(code), "{message}");
         assert_eq!(message.contains("3 images in a row"), ends, "{message}");
         assert_eq!(failed(), expected, "{message}");
     }

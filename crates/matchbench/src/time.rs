@@ -95,12 +95,13 @@ pub fn time(
     let one_thread = (one_thread.build()).map_err(|error| TimeError::Thread(error.to_string()))?;
     one_thread.install(|| {
         let measure = |pairs| measure(dataset, contender, pairs, cancel);
-        let Some(_) = measure(PROBES)? else {
+        let probes = PROBES.min(pairs);
+        let Some(_) = measure(probes)? else {
             return Ok(None);
         };
         memory::forget_peak();
         let (Some(probe), Some(all), Some(again)) =
-            (measure(PROBES)?, measure(pairs)?, measure(PROBES)?)
+            (measure(probes)?, measure(pairs)?, measure(probes)?)
         else {
             return Ok(None);
         };
@@ -167,7 +168,8 @@ fn noise(
     let drift = drift(&before.pairs, &after.pairs).filter(|ratio| (ratio - 1.0).abs() > NOISE);
     let drift = drift.map(|ratio| {
         format!(
-            "the same {PROBES} pairs took {ratio:.2} times as long after the measurement as before"
+            "the same {} took {ratio:.2} times as long after the measurement as before",
+            counted(before.pairs.len(), "pair")
         )
     });
     let stage = |name: &str, get: &[fn(&StageTimes) -> Option<f64>]| {

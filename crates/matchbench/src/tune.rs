@@ -157,6 +157,11 @@ fn variants(
         Some(Value::Object(params)) => params.clone(),
         _ => Map::new(),
     };
+    if params.contains_key(name) {
+        let reason =
+            format!("{parameter} is set, and its values are to be tried; leave one of the two out");
+        return Err(TuneError::Parameter(reason));
+    }
     for contender in &mut contenders {
         contender.estimators = (tuning.values.iter())
             .map(|value| {

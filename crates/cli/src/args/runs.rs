@@ -350,6 +350,17 @@ pub(crate) struct MatchesArgs {
     pub note: Vec<String>,
 }
 
+impl MatchesArgs {
+    /// Whether it is said how to read files.
+    pub(crate) fn has_options(&self) -> bool {
+        self.matches_format.is_some()
+            || self.pixel_center.is_some()
+            || self.resized.is_some()
+            || self.verified
+            || !self.note.is_empty()
+    }
+}
+
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Values are tried under the protocol `matchbench` alone, in images as they are. Under another

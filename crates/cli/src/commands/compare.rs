@@ -16,7 +16,7 @@ use matchbench::report::{Duel, Side, advantage, fixed, p_value, signed, units, w
 use super::eval::{run_at, warn_of_missing, warn_of_unfinished};
 use crate::Ending;
 use crate::args::CompareArgs;
-use crate::output::{harmless, is_standard_output, say, stdout};
+use crate::output::{is_standard_output, say, stdout};
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     ensure!(
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
             runs[side].display()
         );
     }
-    std::io::stdout().write_all(harmless(&text).as_bytes())?;
+    stdout().write_all(text.as_bytes())?;
     if let Some(out) = &args.out {
         ensure!(
             !is_standard_output(out),

@@ -44,7 +44,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<Ending> {
         match execute_until(study, &stop)?.0 {
             Ending::Stopped => return Ok(Ending::Stopped),
             Ending::Done => {}
-            Ending::SomeFailed => ending = Ending::SomeFailed,
+            failed @ (Ending::SomeFailed | Ending::Unfinished) => ending = failed,
         }
     }
     let printed = eval::print(&args.out).and_then(|()| {

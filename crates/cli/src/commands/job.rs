@@ -43,7 +43,13 @@ pub(crate) fn execute_until(study: &Study, stop: &Stop) -> Result<(Ending, Prepa
             stranger.display()
         );
     }
-    let ending = match execute_run(&prepared.run(), stop)? {
+    let ran = execute_run(&prepared.run(), stop);
+    let ran = ran.map_err(|error| match prepared.absent.first() {
+        // A plan that misses a matcher, for example.
+        Some(absent) => error.context(format!("after a matcher did not start ({absent})")),
+        None => error,
+    });
+    let ending = match ran? {
         Ending::Done if !prepared.absent.is_empty() => Ending::SomeFailed,
         ending => ending,
     };
@@ -55,6 +61,7 @@ pub(crate) fn execute_run(run: &Run<'_>, stop: &Stop) -> Result<Ending> {
     let cancel = stop.begin();
     let bar = Progress::new();
     let summary = run.execute(&bar, cancel);
+    stop.end();
     bar.finish();
     let ending = tell(&summary?, run.folder, cancel);
     for kept in kept_otherwise(run.folder, run.keep_matches) {
@@ -203,7 +210,7 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Endi
             "{done} of {} done; the same command tries the rest again",
             counted(summary.total, "task")
         );
-        return Ending::SomeFailed;
+        return Ending::Unfinished;
     }
     if !summary.is_complete() {
         let done = summary.before + summary.now;

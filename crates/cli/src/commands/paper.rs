@@ -10,11 +10,11 @@ use matchbench::report::{ReportOptions, paper_of_run};
 use super::job::{AFTER_PAIRS, changes, execute_until, tell_news};
 use crate::Ending;
 use crate::args::PaperArgs;
-use crate::output::say;
+use crate::output::{say, stdout};
 use crate::stop::Stop;
 
 pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
-    let mut out = std::io::stdout();
+    let mut out = stdout();
     let (Some(data), Some(folder)) = (&args.data, &args.out) else {
         write!(out, "{}", where_to_find())?;
         return Ok(Ending::Done);

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use matchbench::files::TemporaryFolder;
 use matchbench::show::Shown;
 use matchbench::study::{Prepared, Study, StudyDataset, StudyError};
@@ -17,6 +17,11 @@ use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &ShowArgs) -> Result<Ending> {
     let format = Format::of(&args.out)?;
+    // Where the required argument contradicts one that is there, clap asks for none.
+    ensure!(
+        args.matcher.is_none() || !args.files.has_options(),
+        "--matches-format, --pixel-center, --resized, --verified and --note say how to read --matches, and this is --matcher"
+    );
     // What a matcher from outside leaves behind lies in it, and it must exist longer than the matcher.
     let folder = TemporaryFolder::new()?;
     end_on_ctrl_c()?;

@@ -58,9 +58,14 @@ impl Probe {
         let Some(first) = files.first() else {
             return Err(ExchangeError::new("", "no file is named", "name one"));
         };
-        let kind = |path: &Path| {
-            let known = magic(path)?;
-            Ok::<_, ExchangeError>(known.map_or("text", |(_, kind)| kind))
+        let kind = |path: &Path| match magic(path)? {
+            Some((_, kind)) => Ok(kind),
+            None if path.extension() == Some(OsStr::new("txt")) => Ok("text"),
+            None => Err(ExchangeError::new(
+                path,
+                "it is no .npz, HDF5, SQLite or .txt file",
+                "see `matchbench list formats` for what can be read",
+            )),
         };
         let found = kind(first)?;
         // A folder of one file a pair may have very many: each says what it is when it is read.
@@ -78,14 +83,7 @@ impl Probe {
             "npz" => Content::Npz(Npz::open(first)?.names()),
             "hdf5" => Content::Hdf5(opened(&files)?),
             "sqlite" => Content::Sqlite,
-            _ if first.extension() == Some(OsStr::new("txt")) => Content::Text,
-            _ => {
-                return Err(ExchangeError::new(
-                    first,
-                    "it is no .npz, HDF5, SQLite or .txt file",
-                    "see `matchbench list formats` for what can be read",
-                ));
-            }
+            _ => Content::Text,
         };
         Ok(Self {
             files,
@@ -210,6 +208,17 @@ fn of_other_datasets(folder: &Path, dataset: &str) -> ExchangeError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_damaged_file_is_named_and_not_the_sound_ones_beside_it() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("0_1.npz"), "<html>404</html>").expect("writable");
+        fs::write(at("0_2.npz"), b"PK\x05\x06").expect("writable");
+        let said = Probe::new(&[folder.path().to_owned()], "castle");
+        let said = said.err().expect("one is damaged").to_string();
+        assert!(said.contains("0_1.npz: it is no .npz"), "{said}");
+    }
 
     #[test]
     fn a_folder_that_has_those_of_other_datasets_names_them() {

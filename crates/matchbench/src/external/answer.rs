@@ -57,6 +57,19 @@ pub struct Times {
 }
 
 impl Times {
+    /// Those of two answers together; where they were computed is the first one's word.
+    pub(super) fn and(mut self, other: Self) -> Self {
+        self.wall += other.wall;
+        for (stage, seconds) in other.own {
+            *self.own.entry(stage).or_default() += seconds;
+        }
+        self.extracted = self
+            .extracted
+            .zip(other.extracted)
+            .map(|(one, other)| one.saturating_add(other));
+        self
+    }
+
     /// Times as a child tells them.
     ///
     /// # Errors
@@ -250,6 +263,18 @@ mod tests {
             .collect();
         std::fs::write(&path, bytes).unwrap();
         read_rows(&path, count, SIZES, pixel_center)
+    }
+
+    #[test]
+    fn times_of_two_answers_are_of_both() {
+        let times = |wall, extract, extracted| Times {
+            wall,
+            own: BTreeMap::from([("extract".to_owned(), extract)]),
+            device: Some("gpu".to_owned()),
+            extracted: Some(extracted),
+        };
+        let both = times(1.5, 1.0, 1).and(times(0.5, 0.25, 1));
+        assert_eq!(both, times(2.0, 1.25, 2));
     }
 
     #[test]

@@ -1,19 +1,17 @@
 //! Published pose errors, pair by pair: one table a dataset, scored without poses or images.
 //!
-//! A folder holds `<dataset>.txt` or `<dataset>.csv`; its first line names the columns, separated by
-//! commas or white space. Known are a rotation error and a translation error in degrees, under the
-//! names that tools give them ([`ROTATION`], [`TRANSLATION`]), or one pose error ([`POSE`], the larger
-//! of both); every other column is left alone. Among the tables with these columns are those of ZEB
-//! (Shen et al., "GIM: Learning Generalizable Image Matcher From Internet Videos", ICLR 2024):
-//! `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
+//! A folder holds `<dataset>.txt` or `<dataset>.csv`; its first line names the columns, separated by commas or white
+//! space. Known are a rotation error and a translation error in degrees, under the names that tools give them
+//! ([`ROTATION`], [`TRANSLATION`]), or one pose error ([`POSE`], the larger of both); every other column is left alone.
+//! Among the tables with these columns are those of ZEB (Shen et al., "GIM: Learning Generalizable Image Matcher From
+//! Internet Videos", ICLR 2024): `identifiers covisible0 covisible1 R_errs t_errs t_errs2 ...`.
 //!
 //! AP is unknown, since it needs matches. Where there is only one pose error, the scores of one angle are unknown.
 //! ZEB's errors of translations have lost their sign ([`is_without_sign`]).
 //!
-//! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where
-//! a column `identifiers` names pairs as ZEB does (`scene#image a#image b`), or columns `a` and `b` name the images
-//! (and `scene` the scene that a name belongs to, if that is a column too), images are known by their names, so
-//! that intervals know which pairs share one; otherwise every pair stands alone.
+//! An empty field, `inf` and `nan` are pairs without a pose. The method gets the name of the folder. Where a column
+//! `identifiers` names pairs as ZEB does (`scene#image a#image b`), or columns `a` and `b` name the images (and `scene` the
+//! scene of a name, if that is a column too), intervals know which pairs share an image; otherwise every pair stands alone.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -189,8 +187,7 @@ enum Names {
 }
 
 impl Names {
-    /// Where they are, if they are there; or what is wrong with the header. Identifiers go before images, since they know
-    /// the scene.
+    /// Where they are, if they are there; or what is wrong with the header. Identifiers know the scene, so they go first.
     fn among(header: &[String]) -> Result<Option<Self>, String> {
         if let Some(identifiers) = column(header, &[IDENTIFIERS])? {
             return Ok(Some(Self::Identifiers(identifiers)));
@@ -280,6 +277,9 @@ fn parse(text: &str) -> Result<Vec<PairResult>, (usize, String)> {
     })?;
     let names = Names::among(&header).map_err(|problem| (at, problem))?;
     let lines: Vec<(usize, Vec<String>)> = lines.map(|(line, row)| (line, split(row))).collect();
+    if lines.is_empty() {
+        return Err((at, "the table has no pair".to_owned()));
+    }
     // Rows are refused in their order, below.
     let named = |fields: &[String]| match names {
         Some(names) if fields.len() == header.len() => names.images(fields),
@@ -526,6 +526,7 @@ mod tests {
     fn what_is_no_table_is_named_by_line() {
         for (text, expected) in [
             ("", "the table is empty"),
+            ("a,pose_error\n", "the table has no pair"),
             ("a,b\n1,2\n", "no columns of errors among `a b`"),
             (
                 "R_errs,rotation_error,t_errs\n1,2,3\n",

@@ -29,6 +29,12 @@ pub(super) fn load_published(
     datasets: Option<&Path>,
     choice: &PairChoice,
 ) -> Result<Vec<ResultSet>, ResultsError> {
+    if crate::datasets::is_dataset(results) {
+        return Err(ResultsError::Layout {
+            path: results.to_path_buf(),
+            problem: "a dataset, and no results; `matchbench run` makes some".to_owned(),
+        });
+    }
     let mut sets = Vec::new();
     for (dataset, folder) in folders(results)? {
         let Some(Judged {
@@ -147,9 +153,9 @@ fn judged(
         _ => {
             return Err(ResultsError::Layout {
                 path: results.to_path_buf(),
-                problem: "not a run folder (no plan.json); for results in the authors' layout, \
-                          name the folder that holds <sequence>/pairs.txt with --datasets, or \
-                          put a groundtruth.txt beside the results"
+                problem: "not a run folder (no plan.json); for results in the authors' layout, put a groundtruth.txt \
+                          beside the results, or (eval, report) name the folder that holds <sequence>/pairs.txt with \
+                          --datasets"
                     .to_owned(),
             });
         }

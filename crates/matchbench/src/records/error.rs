@@ -66,6 +66,12 @@ pub enum FolderError {
         /// What is there.
         path: PathBuf,
     },
+    /// The folder is that of a dataset, into which a run would write.
+    #[error("{} is a dataset, and a run needs a folder of its own; choose another", folder.display())]
+    IsDataset {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A dataset is not the one that records were made from.
     #[error(
         "{dataset} is another dataset now than the run in {} was of: cameras, pairs or true poses differ; put back what \

@@ -76,6 +76,7 @@ fn bundle(content: &Content, most: usize) -> Option<String> {
         files
     };
     let extents = [
+        (150_000, 3_500_000, true),
         (150_000, 2_000_000, true),
         (150_000, 2_000_000, false),
         (150_000, 500_000, false),

@@ -66,7 +66,7 @@ use std::sync::atomic::AtomicUsize;
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
-use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray};
+use crate::datasets::{DatasetError, Sequence, Unpaired, Whole, decode_gray, is_dataset};
 use crate::matchers::Source;
 use crate::records::images::ImageNotes;
 use crate::records::{
@@ -229,6 +229,10 @@ impl Run<'_> {
         observer: &dyn Observer,
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
+        if is_dataset(self.folder) && !RunFolder::is_at(self.folder) {
+            let folder = self.folder.into();
+            return Err(FolderError::IsDataset { folder }.into());
+        }
         let mut plan = plan(self.datasets, self.contenders, self.settings)?;
         let tuned = all_tuned(self.folder, self.tuned)?;
         refuse_tuned(&tuned, &plan, self.datasets)?;

@@ -22,7 +22,7 @@ use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, Truth, read_size};
 use crate::files::TemporaryFolder;
 
-use super::answer::{Matched, Times};
+use super::answer::Matched;
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::pool::{Breakdown, External, Image};
@@ -216,10 +216,7 @@ fn ask(
     Ok(Matched {
         rows: rows.collect(),
         features: Some([a.features.len() as u32, b.features.len() as u32]),
-        times: Times {
-            wall: a.times.wall + b.times.wall,
-            ..a.times
-        },
+        times: a.times.and(b.times),
     })
 }
 

@@ -6,6 +6,7 @@ use super::super::answer::is_inside;
 use super::super::manifest::BuiltIn;
 use super::*;
 use crate::datasets::Turn;
+use crate::external::Times;
 
 /// A pair of images whose cameras see their middles in the middle.
 fn check_pair(size: Size, focal_px: f64, truth: Truth) -> CheckPair {

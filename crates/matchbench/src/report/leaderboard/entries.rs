@@ -230,17 +230,17 @@ impl Reader<'_> {
         }
         let entry = self.place(folder);
         let mut words = vec!["eval".to_owned(), command_line::folder(&entry)];
-        if let Some(datasets) = self.datasets {
-            let datasets = command_line::folder(&datasets.display().to_string());
-            words.extend(["--datasets".to_owned(), datasets]);
+        if self.datasets.is_some() {
+            // Another folder on each machine; entries are named from their own.
+            words.extend(["--datasets", "DATASETS"].map(str::to_owned));
         }
         words.extend(["--format", "csv"].map(str::to_owned));
         let (errors, note) = if has_own_truth {
-            let note =
-                "result files: their scoring can be done again, by the truth that came with them";
+            let note = "result files: in the folder of the entries their scoring can be done again, by the truth that came with them";
             (Errors::OwnTruth, note)
         } else {
-            let note = "result files: their scoring can be done again";
+            let note = "result files: in the folder of the entries their scoring can be done again, with DATASETS for the folder \
+                        of datasets";
             (Errors::Checked, note)
         };
         Ok(Scored {

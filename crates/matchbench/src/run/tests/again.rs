@@ -37,6 +37,9 @@ fn an_image_that_was_mended_is_tried_again_and_one_that_changed_is_refused_by_na
         error.contains("0003.raw") && error.contains("changed"),
         "{error}"
     );
+    // It is the run that it was, and not one that lacks an estimator.
+    more.contenders = vec![Toy::default().contender("bright", &["first", "second"])];
+    assert_eq!(more.run("run").unwrap().now, 0);
 }
 
 #[test]
