@@ -50,17 +50,22 @@ impl WholeFile {
     /// # Errors
     /// As [`write_whole`].
     pub(crate) fn create(path: &Path) -> io::Result<Self> {
-        let create = || {
-            let earlier = earlier(path)?.map(|(earlier, _)| earlier);
-            let path = followed(path)?;
-            let beside = BufWriter::new(beside(&path)?);
-            Ok(Self {
-                beside,
-                path,
-                earlier,
-            })
-        };
-        create().map_err(named(path))
+        Self::create_unnamed(path).map_err(named(path))
+    }
+
+    /// As [`create`](Self::create), for callers whose own errors name the path.
+    ///
+    /// # Errors
+    /// As [`write_unnamed`].
+    pub(crate) fn create_unnamed(path: &Path) -> io::Result<Self> {
+        let earlier = earlier(path)?.map(|(earlier, _)| earlier);
+        let path = followed(path)?;
+        let beside = BufWriter::new(beside(&path)?);
+        Ok(Self {
+            beside,
+            path,
+            earlier,
+        })
     }
 
     /// Moves the finished file to its path.
@@ -68,18 +73,17 @@ impl WholeFile {
     /// # Errors
     /// As [`write_whole`].
     pub(crate) fn finish(self) -> io::Result<()> {
-        let Self {
-            beside,
-            path,
-            earlier,
-        } = self;
-        let finish = || {
-            let beside = beside
-                .into_inner()
-                .map_err(io::IntoInnerError::into_error)?;
-            put(beside, &path, earlier.as_ref())
-        };
-        finish().map_err(named(&path))
+        let path = self.path.clone();
+        self.finish_unnamed().map_err(named(&path))
+    }
+
+    /// As [`finish`](Self::finish), for callers whose own errors name the path.
+    ///
+    /// # Errors
+    /// As [`write_unnamed`].
+    pub(crate) fn finish_unnamed(self) -> io::Result<()> {
+        let beside = (self.beside.into_inner()).map_err(io::IntoInnerError::into_error)?;
+        put(beside, &self.path, self.earlier.as_ref())
     }
 }
 

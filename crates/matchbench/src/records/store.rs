@@ -18,14 +18,15 @@
 //! takes at most a tenth of the time, so it happens more seldom the longer the file is. Until then a process that is killed
 //! loses such records, and the earlier ones stay.
 
+use std::collections::BTreeMap;
 use std::fs;
-use std::io;
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::line::{FIRST_WITH_CHECKSUMS, LineReader, parse, to_line};
 use super::{FORMAT, RunRecord};
-use crate::files::{Appender, LineBlocks, LineError, open_file, write_unnamed};
+use crate::files::{Appender, LineBlocks, LineError, WholeFile, open_file, write_unnamed};
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -248,6 +249,34 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
     write_unnamed(path, &text).map_err(StoreError::io("write", path))
 }
 
+/// Writes a file anew with these lines in the place of those with the same numbers, from 0; the others stay as they are.
+/// Of the file, one line is in memory.
+///
+/// # Errors
+/// If it cannot be read or written, or has fewer lines; the old file is then still there.
+pub(crate) fn replace(path: &Path, lines: &BTreeMap<usize, RecordLine>) -> Result<(), StoreError> {
+    let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
+    let mut old = BufReader::new(open_file(path).map_err(read)?);
+    let mut file = WholeFile::create_unnamed(path).map_err(write)?;
+    let (mut line, mut replaced) = (Vec::new(), 0);
+    for number in 0.. {
+        line.clear();
+        if old.read_until(b'\n', &mut line).map_err(read)? == 0 {
+            break;
+        }
+        let new = lines.get(&number);
+        replaced += usize::from(new.is_some());
+        (file.write_all(new.map_or(&line, |new| &new.0))).map_err(write)?;
+    }
+    drop(old);
+    if replaced < lines.len() {
+        return Err(read(io::Error::other(
+            "it has become shorter while the run wrote",
+        )));
+    }
+    file.finish_unnamed().map_err(write)
+}
+
 /// How long records may be known to the operating system alone; tests do not wait for it.
 pub(crate) const UNSYNCED: Duration = Duration::from_secs(if cfg!(test) { 0 } else { 1 });
 
@@ -370,8 +399,31 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_rewritten_is_named_once() {
         let (_run, file) = three_records();
-        let message = rewrite(&file.join("below"), &[]).unwrap_err().to_string();
-        assert_eq!(message.matches("below").count(), 1, "{message}");
+        let below = file.join("below");
+        for ended in [rewrite(&below, &[]), replace(&below, &BTreeMap::new())] {
+            let message = ended.unwrap_err().to_string();
+            assert_eq!(message.matches("below").count(), 1, "{message}");
+        }
+    }
+
+    #[test]
+    fn lines_are_replaced_and_the_others_stay_as_they_are() {
+        let (_run, file) = three_records();
+        // Nobody reads what stays.
+        let text = fs::read_to_string(&file).unwrap();
+        let text = text.replacen("{\"task\"", "{ \"task\"", 3);
+        fs::write(&file, &text).unwrap();
+        let new = BTreeMap::from([(1, RecordLine::of(&record(7)))]);
+        replace(&file, &new).unwrap();
+        let now = fs::read_to_string(&file).unwrap();
+        let mut expected: Vec<_> = text.lines().collect();
+        let line = String::from_utf8(to_line(&record(7))).unwrap();
+        expected[1] = line.trim_end();
+        assert_eq!(now.lines().collect::<Vec<_>>(), expected);
+        let missing = BTreeMap::from([(3, RecordLine::of(&record(7)))]);
+        let message = replace(&file, &missing).unwrap_err().to_string();
+        assert!(message.contains("become shorter"), "{message}");
+        assert_eq!(fs::read_to_string(&file).unwrap(), now);
     }
 
     #[test]

@@ -99,14 +99,14 @@ impl<'a> Kept<'a> {
 
 /// Records that take the place of earlier ones. Each time their whole files are written.
 pub(super) struct Retried<'a> {
-    replacements: Vec<Replacement>,
+    replacements: Vec<Replacement<'a>>,
     kept: Kept<'a>,
     /// How long records of this process wait until they are written.
     pause: Duration,
 }
 
 impl<'a> Retried<'a> {
-    pub(super) fn new(replacements: Vec<Replacement>, kept: Kept<'a>) -> Self {
+    pub(super) fn new(replacements: Vec<Replacement<'a>>, kept: Kept<'a>) -> Self {
         Self {
             replacements,
             kept,
@@ -122,9 +122,9 @@ impl<'a> Retried<'a> {
         told: &mut impl FnMut(&RunRecord),
     ) -> Result<(), RunError> {
         self.kept.keep(&done)?;
-        for (estimator, record) in done.records {
+        for ((estimator, record), line) in done.records.into_iter().zip(done.lines) {
             told(&record);
-            self.replacements[estimator].put(record);
+            self.replacements[estimator].put(&record.task, line);
         }
         if self.kept.synced.elapsed() >= self.pause {
             self.write()?;

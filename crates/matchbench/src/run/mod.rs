@@ -409,7 +409,7 @@ impl Run<'_> {
             }
             // Other estimators of these pairs may have matches since.
             work.stored = progress.own_matches(folder.folder())?;
-            let mut retried = Retried::new(progress.replacements()?, kept);
+            let mut retried = Retried::new(progress.replacements(), kept);
             let done = work.all(progress.failed_pairs(), |done| retried.put(done, &mut told));
             retried.write()?;
             done

@@ -3,13 +3,14 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::mem;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::earlier::{Earlier, InOrder, earlier};
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
 use crate::matchers::Source;
 use crate::records::matches::MatchesKey;
+use crate::records::store::RecordLine;
 use crate::records::{
     Counts, MatchesFile, Outcome, RunFolder, RunRecord, RunSettings, RunWriter, StoreError, Task,
     store,
@@ -402,26 +403,9 @@ impl<'a> MatcherProgress<'a> {
     }
 
     /// The records that are to be replaced, of each estimator; nothing may be appended to their files from here on.
-    ///
-    /// # Errors
-    /// If they cannot be read.
-    pub(super) fn replacements(&self) -> Result<Vec<Replacement>, StoreError> {
-        let estimators = self.estimators.iter();
-        let replacement = estimators.map(|estimator| {
-            // All of them are needed only to write the file anew.
-            let records = if estimator.retried.is_empty() {
-                Vec::new()
-            } else {
-                store::read(&estimator.file)?
-            };
-            Ok(Replacement {
-                file: estimator.file.clone(),
-                records,
-                due: estimator.retried.iter().copied().collect(),
-                changed: false,
-            })
-        });
-        replacement.collect()
+    pub(super) fn replacements(&self) -> Vec<Replacement<'_>> {
+        let replacement = |estimator| Replacement::of(self, estimator);
+        self.estimators.iter().map(replacement).collect()
     }
 }
 
@@ -457,31 +441,49 @@ fn key(record: &RunRecord) -> MatchesKey {
     (record.task.a, record.task.b, record.task.repetition)
 }
 
-/// The records of one estimator, some of which are done again.
-pub(super) struct Replacement {
-    file: PathBuf,
-    records: Vec<RunRecord>,
+/// The records of one estimator, some of which are done again. Those that stay are not in memory.
+pub(super) struct Replacement<'a> {
+    progress: &'a MatcherProgress<'a>,
+    file: &'a Path,
     /// The places of those that are still to come.
     due: VecDeque<usize>,
-    changed: bool,
+    /// The lines that are not yet written, by their places.
+    new: BTreeMap<usize, RecordLine>,
 }
 
-impl Replacement {
-    /// Puts a record in the place of one that failed; they come in the order of the tasks.
-    pub(super) fn put(&mut self, record: RunRecord) {
-        let place = (self.due.pop_front()).filter(|&place| self.records[place].task == record.task);
-        self.records[place.expect("tasks are done in their order")] = record;
-        self.changed = true;
+impl<'a> Replacement<'a> {
+    fn of(progress: &'a MatcherProgress<'a>, estimator: &'a EstimatorProgress) -> Self {
+        Self {
+            progress,
+            file: &estimator.file,
+            due: estimator.retried.iter().copied().collect(),
+            new: BTreeMap::new(),
+        }
+    }
+
+    /// Puts the line of a task in the place of that of one that failed; they come in the order of the tasks.
+    pub(super) fn put(&mut self, task: &Task, line: RecordLine) {
+        let MatcherProgress {
+            pairs, repetitions, ..
+        } = self.progress;
+        let is_of = |place: &usize| {
+            let repetitions = *repetitions as usize;
+            let (pair, repetition) = (pairs[place / repetitions], place % repetitions);
+            (task.a, task.b, task.repetition as usize) == (pair.a, pair.b, repetition)
+        };
+        let place = self.due.pop_front().filter(is_of);
+        (self.new).insert(place.expect("tasks are done in their order"), line);
     }
 
     /// Writes the file anew, if something was replaced.
     ///
     /// # Errors
-    /// If it cannot be written; the earlier records are then still there.
+    /// If it cannot be read or written; the earlier records are then still there.
     pub(super) fn write(&mut self) -> Result<(), StoreError> {
-        if mem::take(&mut self.changed) {
-            store::rewrite(&self.file, &self.records)?;
+        let new = mem::take(&mut self.new);
+        if new.is_empty() {
+            return Ok(());
         }
-        Ok(())
+        store::replace(self.file, &new)
     }
 }

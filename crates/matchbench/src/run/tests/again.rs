@@ -77,6 +77,28 @@ fn what_a_matcher_breaks_is_tried_again_only_where_that_is_asked_for() {
     assert_eq!(bench.records("run"), bench.records("whole"));
 }
 
+#[test]
+fn records_beside_those_that_are_tried_again_stay_as_they_stand() {
+    let bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
+    let image = bench.path("street/0006.raw");
+    fs::rename(&image, bench.path("away")).unwrap();
+    bench.run("run").unwrap();
+    fs::rename(bench.path("away"), &image).unwrap();
+    // The first record, in other words: whoever holds all records would write it in their own.
+    let file = store::path(&bench.path("run"), "street", "bright", "first");
+    let text = fs::read_to_string(&file).unwrap();
+    let (first, others) = text.split_once('\n').unwrap();
+    let (body, _) = first.rsplit_once(",\"check\"").unwrap();
+    let body = body.replacen('{', "{ ", 1);
+    let check = blake3::hash(body.as_bytes()).to_hex();
+    let first = format!("{body},\"check\":\"{}\"}}", &check[..16]);
+    fs::write(&file, format!("{first}\n{others}")).unwrap();
+    let again = bench.run("run").unwrap();
+    assert!(again.now > 0 && again.failed == 0, "{again:?}");
+    let now = fs::read_to_string(&file).unwrap();
+    assert_eq!(now.lines().next(), Some(&*first));
+}
+
 /// Stops the run after some records.
 struct Stop(Cancel, AtomicUsize);
 impl Observer for Stop {
