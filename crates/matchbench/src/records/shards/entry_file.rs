@@ -2,9 +2,10 @@
 //!
 //! Entries stand in the order of the pairs, except those of pairs that failed at first and were done again
 //! later. So the next entry is mostly the one that is asked for. At the first one that is not, the whole
-//! file is indexed.
+//! file is indexed. It is not for those that are mostly not there at all, of tasks that failed. A shard that was killed
+//! while it tried these again may have some behind all others.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::PathBuf;
@@ -26,6 +27,8 @@ pub(super) struct EntryFile {
     next: u64,
     peeked: Option<(MatchesKey, Vec<u8>)>,
     index: Option<BTreeMap<MatchesKey, u64>>,
+    /// Entries that were asked for, were not the next ones, and may stand at the end.
+    unlikely: BTreeSet<MatchesKey>,
 }
 
 impl EntryFile {
@@ -39,6 +42,7 @@ impl EntryFile {
             next: MAGIC.len() as u64,
             peeked: None,
             index: None,
+            unlikely: BTreeSet::new(),
         }
     }
 
@@ -61,6 +65,7 @@ impl EntryFile {
                 return Ok(Some(entry));
             }
             if !is_likely {
+                self.unlikely.insert(key);
                 return Ok(None);
             }
             self.index = Some(self.keys()?);
@@ -72,7 +77,7 @@ impl EntryFile {
         }
     }
 
-    /// Whether the next entry was not asked for.
+    /// Whether there is an entry behind those that were taken that was not asked for.
     ///
     /// # Errors
     /// As [`EntryFile::take`].
@@ -80,7 +85,14 @@ impl EntryFile {
         if self.index.is_some() {
             return Ok(false);
         }
-        Ok(self.peeked.is_some() || self.entry(self.next)?.is_some())
+        self.peeked = None;
+        while let Some((key, entry)) = self.entry(self.next)? {
+            if !self.unlikely.remove(&key) {
+                return Ok(true);
+            }
+            self.next += entry.len() as u64;
+        }
+        Ok(false)
     }
 
     /// Closes the file; it is opened again where it was left.

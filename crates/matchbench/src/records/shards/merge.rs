@@ -287,13 +287,16 @@ impl Merging<'_> {
             // Without a selection there are none.
             (KeepMatches::All, Outcome::Failed { .. }) => false,
             (KeepMatches::All, _) => true,
+            (_, Outcome::Failed { .. }) => false,
             (_, outcome) if outcome.is_estimate() => true,
             _ => return Ok(None),
         };
         // What broke after the selection has some: an estimator, the depth, the size of an image. A matcher from
-        // outside may have found no matches then, and need not tell how many features there were.
-        let is_likely =
-            must_be || record.counts != Counts::default() || matcher.extraction.is_none();
+        // outside may have found no matches then, and need not tell how many features there were. What has none may
+        // have some nevertheless, if the shard was killed after it had tried again and before that was recorded.
+        let may_be_selected = record.counts != Counts::default() || matcher.extraction.is_none();
+        let are_all = self.plan.keep_matches() == KeepMatches::All;
+        let is_likely = must_be || (are_all && may_be_selected);
         let Task {
             a, b, repetition, ..
         } = record.task;

@@ -64,6 +64,53 @@ fn a_shard_is_merged_where_what_broke_later_has_few_matches() {
     assert_eq!(matches("merged"), matches("single"));
 }
 
+/// Retried matches are appended at once, their records later.
+#[test]
+fn a_shard_that_was_killed_while_it_tried_again_is_merged() {
+    let flaky = || Flaky::default().with(&["first"]);
+    let toy = || Toy::default().contender("toy", &["first"]);
+    for keep in [KeepMatches::All, KeepMatches::Inliers] {
+        let mut bench = Bench::new(vec![toy(), flaky()]);
+        bench.datasets.truncate(1);
+        let name = format!("{keep:?}");
+        let plan = bench.plan(&name, 1, keep);
+        let image = bench.path("street/0006.raw");
+        fs::rename(&image, bench.path("away")).unwrap();
+        let fails = [[4, 6], [5, 6], [6, 7], [6, 8]];
+        bench.contenders[1] = Flaky::on(&fails, &[]).with(&["first"]);
+        bench.shards(&plan, &name, [1]);
+        let records = bench.path(&name).join("shards/1/records");
+        let before: Vec<_> = (files(&records).into_iter())
+            .map(|file| (fs::read(&file).unwrap(), file))
+            .collect();
+        fs::rename(bench.path("away"), &image).unwrap();
+        bench.contenders[1] = flaky();
+        bench.shards(&plan, &name, [1]);
+        for (bytes, file) in before {
+            assert_ne!(fs::read(&file).unwrap(), bytes);
+            fs::write(file, bytes).unwrap();
+        }
+        let out = format!("merged {name}");
+        let merged = merge(&plan, &bench.path(&name), &[], &bench.path(&out)).unwrap();
+        assert_eq!(merged.failed, 2 * fails.len() as u64);
+        // The run goes on with that.
+        let again = bench.work(keep, &out, None, &Stop::never());
+        assert_eq!((again.now, again.failed), (2 * fails.len(), 0));
+        bench.work(keep, &format!("single {name}"), None, &Stop::never());
+        let single = bench.records(&format!("single {name}"));
+        let but_for_devices = |mut records: Vec<RunRecord>| {
+            for record in &mut records {
+                record.device = None;
+            }
+            records
+        };
+        assert_eq!(
+            but_for_devices(bench.records(&out)),
+            but_for_devices(single)
+        );
+    }
+}
+
 #[test]
 fn what_a_run_has_repaired_since_it_was_merged_stays() {
     let bench = bench();
