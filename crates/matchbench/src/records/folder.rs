@@ -46,8 +46,8 @@ use super::{
     matches, store,
 };
 use crate::files::{
-    link_in, make_folder, read_file, read_text, regular, remove_leftovers, remove_leftovers_below,
-    sync_folder_of, write_whole,
+    link_in, make_folder, open_file, read_file, read_text, regular, remove_leftovers,
+    remove_leftovers_below, sync_folder_of, write_whole,
 };
 
 /// The folder of a run, to be read.
@@ -511,6 +511,26 @@ pub(super) fn lock(folder: &Path) -> Result<Locks, FolderError> {
         _file: file,
         _folder: itself,
     })
+}
+
+/// Holds a folder that is read as a whole: as long as what is returned lives, no run writes into it. One that cannot be
+/// locked, such as that of a disk that nobody may write to, is read all the same.
+///
+/// # Errors
+/// If a process writes into it.
+pub(super) fn hold(folder: &Path) -> Result<Vec<File>, FolderError> {
+    let file = open_file(&folder.join(LOCK)).ok();
+    // Whoever opens a pipe waits.
+    let itself = (folder.is_dir()).then(|| File::open(folder).ok()).flatten();
+    let mut held = Vec::new();
+    for file in [file, itself].into_iter().flatten() {
+        if let Err(TryLockError::WouldBlock) = file.try_lock_shared() {
+            let folder = folder.into();
+            return Err(FolderError::InUse { folder });
+        }
+        held.push(file);
+    }
+    Ok(held)
 }
 
 /// All that is read of a plan of any format.

@@ -6,7 +6,8 @@
 //! the run grew and was stopped (`earlier`): it waits in the joined run then. A native matcher has the same
 //! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
 //!
-//! All that is joined is read and checked before anything is written, and the run appears when all of it is written, see
+//! A run that is being written is refused, and none begins while they are joined: its records would be those of a later
+//! time than its matches. All that is joined is read and checked before anything is written, and the run appears when all of it is written, see
 //! [`staged`](super::staged): a join that is stopped leaves no run. The result is a run like any other: it can be
 //! scored, reported, and go on.
 
@@ -16,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use super::folder::hold;
 use super::images::{FIRST_WITH_NOTES, ImageNotes};
 use super::line::to_line;
 use super::staged::StagedRun;
@@ -137,12 +139,13 @@ pub struct Joined {
 /// Joins these `runs` into a new one in the folder `out`.
 ///
 /// # Errors
-/// If one is no run or damaged, if they contradict each other, or if `out` holds a run or cannot be written to. No run is
+/// If one is no run, damaged, or written by a process, if they contradict each other, or if `out` holds a run or cannot be written to. No run is
 /// left then.
 pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
     if RunFolder::is_at(out) {
         return Err(JoinError::Taken { out: out.into() });
     }
+    let _held = (runs.iter().map(|run| hold(run))).collect::<Result<Vec<_>, _>>()?;
     let folders = (runs.iter().map(|run| RunFolder::open(run))).collect::<Result<Vec<_>, _>>()?;
     let plan = joined(&folders)?;
     let images = Images::of(&folders, &plan)?;

@@ -137,6 +137,29 @@ fn what_waits_in_a_run_that_grew_waits_in_the_joined_one() {
 }
 
 #[test]
+fn a_run_that_is_written_is_not_joined() {
+    struct Joining<'b>(&'b Bench);
+    impl Observer for Joining<'_> {
+        fn on_record(&self, _: &RunRecord) {
+            let message = refused(self.0, &["a", "b"]);
+            assert!(message.contains("in use by another process"), "{message}");
+        }
+    }
+    let toy = Toy::default();
+    let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
+    bench.datasets.truncate(1);
+    bench.run("a").unwrap();
+    bench.contenders = vec![toy.contender("bright", &["second"])];
+    bench
+        .run_with("b", &Joining(&bench), &Cancel::default())
+        .unwrap();
+    // A copy need not have the file that processes lock.
+    fs::remove_file(bench.path("a").join(".lock")).unwrap();
+    joined(&bench, &["a", "b"], "both").unwrap();
+    assert!(!bench.path("a").join(".lock").exists());
+}
+
+#[test]
 fn runs_that_contradict_each_other_are_not_joined() {
     let toy = Toy::default();
     let mut bench = Bench::new(vec![toy.contender("bright", &["first"])]);
