@@ -102,7 +102,7 @@ pub(crate) fn run(
         failed,
         ..
     } = summary;
-    if before + now < total && cancel.is_set() {
+    if !summary.is_complete() && cancel.is_set() {
         let message = "a matcher stopped the run; the same call goes on from there";
         return Err(PyRuntimeError::new_err(message));
     }

@@ -214,8 +214,15 @@ pub(crate) fn tell(summary: &RunSummary, folder: &Path, cancel: &Cancel) -> Endi
     }
     if !summary.is_complete() {
         let done = summary.before + summary.now;
+        let lost = match summary.lost {
+            0 => String::new(),
+            lost => format!(
+                ", before the lost matches of {} were made again",
+                counted(lost, "pair")
+            ),
+        };
         say!(
-            "stopped after {done} of {}; the same command goes on from there",
+            "stopped after {done} of {}{lost}; the same command goes on from there",
             counted(summary.total, "task")
         );
         return Ending::Stopped;

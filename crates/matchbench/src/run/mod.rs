@@ -357,10 +357,6 @@ impl Run<'_> {
     ) -> Result<(), RunError> {
         let (dataset, matcher) = (&progress.sequence.name, progress.contender.source.id());
         let unkept = AtomicUsize::new(summary.unkept);
-        let mut told = |record: &RunRecord| {
-            summary.add(record);
-            observer.on_record(record);
-        };
         let mut kept = Kept::open(self.keep_matches, progress, folder, images)?;
         let mut work = Work {
             run: self,
@@ -381,13 +377,21 @@ impl Run<'_> {
         if progress.lost() > 0 {
             observer.on_lost_matches(dataset, matcher, progress.lost());
         }
+        let last = self.settings.repetitions.get() - 1;
         work.all(progress.lost_pairs(), |done| {
             kept.keep(&done)?;
+            // All repetitions of such a pair are done.
+            let is_whole = (done.records.last()).is_some_and(|(_, r)| r.task.repetition == last);
+            summary.lost -= usize::from(is_whole);
             if kept.is_time() {
                 kept.sync(|| Ok(()))?;
             }
             Ok(())
         })?;
+        let mut told = |record: &RunRecord| {
+            summary.add(record);
+            observer.on_record(record);
+        };
         let mut writers = progress.writers(folder)?;
         let done = work.all(progress.pending_pairs(), |done| {
             kept.keep(&done)?;

@@ -66,12 +66,14 @@ pub struct RunSummary {
     pub ended: usize,
     /// Files of features that the cache could not keep.
     pub unkept: usize,
+    /// Recorded pairs whose kept matches are lost, and were not made again yet.
+    pub lost: usize,
 }
 
 impl RunSummary {
-    /// Whether all tasks are recorded; if not, the run was stopped.
+    /// Whether all tasks are recorded and all matches that were lost are there again; if not, the run was stopped.
     pub fn is_complete(self) -> bool {
-        self.before + self.now == self.total
+        self.before + self.now == self.total && self.lost == 0
     }
 
     /// Counts a task that was done now.
@@ -90,6 +92,7 @@ impl Sum for RunSummary {
             failed: sum.failed + part.failed,
             ended: sum.ended + part.ended,
             unkept: sum.unkept + part.unkept,
+            lost: sum.lost + part.lost,
         })
     }
 }

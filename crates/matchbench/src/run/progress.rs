@@ -264,7 +264,6 @@ impl<'a> MatcherProgress<'a> {
 
     pub(super) fn is_done(&self) -> bool {
         self.summary().is_complete()
-            && self.lost_pairs().next().is_none()
             && (self.estimators.iter()).all(|estimator| estimator.earlier.is_empty())
     }
 
@@ -317,6 +316,7 @@ impl<'a> MatcherProgress<'a> {
                 .sum(),
             ended: 0,
             unkept: 0,
+            lost: self.lost(),
         }
     }
 

@@ -174,6 +174,34 @@ fn matches_that_are_gone_are_made_again_and_records_stay() {
     assert_eq!(now, records);
 }
 
+/// Cancels a run as soon as it is told of lost matches.
+struct Hasty(Cancel);
+impl Observer for Hasty {
+    fn on_lost_matches(&self, _: &str, _: &str, _: usize) {
+        self.0.set();
+    }
+}
+
+#[test]
+fn a_run_that_is_stopped_before_lost_matches_are_there_again_is_not_complete() {
+    let mut bench = Bench::new(two_by_two());
+    bench.settings = repeated(2);
+    let whole = bench.run("run").unwrap();
+    assert_eq!(whole.lost, 0);
+    let all = files(&bench.path("run").join("matches"));
+    let bytes: Vec<_> = all.iter().map(|file| fs::read(file).unwrap()).collect();
+    fs::remove_dir_all(bench.path("run").join("matches")).unwrap();
+    let hasty = Hasty(Cancel::default());
+    let stopped = bench.run_with("run", &hasty, &hasty.0).unwrap();
+    assert_eq!((stopped.before, stopped.lost), (whole.total, 2 * (21 + 7)));
+    assert!(!stopped.is_complete());
+    let again = bench.run("run").unwrap();
+    assert!(again.is_complete() && again.now == 0, "{again:?}");
+    for (file, bytes) in all.iter().zip(bytes) {
+        assert_eq!(fs::read(file).unwrap(), bytes);
+    }
+}
+
 #[test]
 fn the_order_of_datasets_matchers_and_estimators_makes_no_other_plan() {
     let mut bench = Bench::new(two_by_two());
