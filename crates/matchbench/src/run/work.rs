@@ -17,6 +17,9 @@ use crate::records::MatchesFile;
 /// of pairs take no more of it.
 const PAIRS_AT_ONCE: usize = 1 << 16;
 
+/// Tasks of these pairs: with many repetitions and estimators, fewer pairs are listed.
+const TASKS_AT_ONCE: usize = 1 << 20;
+
 /// Work of one matcher on one dataset.
 pub(super) struct Work<'a> {
     pub(super) run: &'a Run<'a>,
@@ -27,6 +30,19 @@ pub(super) struct Work<'a> {
     pub(super) cancel: &'a Cancel,
     /// How many files the cache could not keep in this run so far.
     pub(super) unkept: AtomicUsize,
+}
+
+/// The next of these `pairs`, as many as are listed at a time.
+fn listed<'u>(pairs: &mut impl Iterator<Item = PairTasks<'u>>) -> Vec<PairTasks<'u>> {
+    let (mut some, mut tasks) = (Vec::new(), 0);
+    while some.len() < PAIRS_AT_ONCE
+        && tasks < TASKS_AT_ONCE
+        && let Some(next) = pairs.next()
+    {
+        tasks += next.due.len();
+        some.push(next);
+    }
+    some
 }
 
 impl Work<'_> {
@@ -42,7 +58,7 @@ impl Work<'_> {
         let budget = self.run.feature_memory.min(half);
         let mut resident = Resident::new(budget, rayon::current_num_threads());
         loop {
-            let some: Vec<PairTasks<'u>> = pairs.by_ref().take(PAIRS_AT_ONCE).collect();
+            let some = listed(&mut pairs);
             if some.is_empty() || self.cancel.is_set() {
                 return Ok(());
             }
@@ -147,5 +163,33 @@ impl Work<'_> {
                 && !self.stages.judges_keypoints(tasks.pair)
         };
         pairs.iter().take_while(is_enough).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::super::progress::PendingTask;
+    use super::*;
+    use crate::datasets::Pair;
+
+    #[test]
+    fn the_list_of_work_grows_with_neither_pairs_nor_tasks() {
+        let pair = Pair::with_pose(0, 1, Isometry3::translation(1.0, 0.0, 0.0));
+        for (tasks, expected) in [(1, PAIRS_AT_ONCE), (1500, TASKS_AT_ONCE / 1500 + 1)] {
+            let task = PendingTask {
+                repetition: 0,
+                estimator: 0,
+            };
+            let all = expected + 10;
+            let mut pairs = (0..all).map(|_| PairTasks {
+                pair: &pair,
+                due: vec![task; tasks],
+            });
+            assert_eq!(listed(&mut pairs).len(), expected);
+            assert_eq!(listed(&mut pairs).len(), 10);
+            assert!(listed(&mut pairs).is_empty());
+        }
     }
 }
