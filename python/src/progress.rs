@@ -16,6 +16,8 @@ pub(crate) struct State {
     pub(crate) part: (String, String),
     /// Matchers from outside that gave up, and why.
     pub(crate) ended: Vec<String>,
+    /// Matchers from outside whose estimators did not get the same matches.
+    pub(crate) others: Vec<String>,
     /// Why the cache of features cannot be written, if so.
     pub(crate) unkept: Option<String>,
 }
@@ -48,6 +50,14 @@ impl Observer for Progress {
 
     fn on_unkept(&self, reason: &str) {
         self.change(|state| state.unkept = Some(reason.into()));
+    }
+
+    fn on_other_matches(&self, dataset: &str, matcher: &str) {
+        let told = format!(
+            "{matcher} finds other matches on {dataset} than before, which were not kept: not all its estimators got the same; \
+             to compare them, run all of them in another folder"
+        );
+        self.change(|state| state.others.push(told));
     }
 
     fn on_ended(&self, matcher: &str, reason: &str) {

@@ -88,8 +88,14 @@ pub(crate) fn run(
     let observer = Progress::default();
     let run = prepared.run();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;
-    let State { ended, unkept, .. } = observer.state();
+    let State {
+        ended,
+        others,
+        unkept,
+        ..
+    } = observer.state();
     warnings.extend(ended);
+    warnings.extend(others);
     let files = counted(summary.unkept, "file");
     warnings.extend(unkept.map(|reason| format!("{reason}; not kept in the cache: {files}")));
     if summary.failed > 0 {

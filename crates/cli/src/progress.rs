@@ -124,6 +124,15 @@ impl Observer for Progress {
         });
     }
 
+    fn on_other_matches(&self, dataset: &str, matcher: &str) {
+        self.bar.suspend(|| {
+            say!(
+                "warning: {matcher} finds other matches on {dataset} than before, which were not kept: not all its estimators got \
+                 the same. To compare them, run all of them in another folder"
+            );
+        });
+    }
+
     fn on_ended(&self, matcher: &str, reason: &str) {
         self.bar
             .suspend(|| say!("error: {matcher} has ended: {reason}"));

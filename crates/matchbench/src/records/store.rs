@@ -71,7 +71,8 @@ pub enum StoreError {
     },
     /// A file of matches that is damaged.
     #[error(
-        "{}: damaged ({reason}); delete it, and run again what wrote it: matches that are missing are made again",
+        "{}: damaged ({reason}); delete it, and run again what wrote it: matches that are missing are made again, but for those \
+         of a matcher from outside",
         path.display()
     )]
     Matches {

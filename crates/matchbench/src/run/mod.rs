@@ -62,7 +62,7 @@ use std::io;
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
 use std::time::Duration;
 
 use crate::cache::FeatureCache;
@@ -328,6 +328,7 @@ impl Run<'_> {
                 let stored = Stored {
                     file: &matches,
                     are_kept: self.keep_matches == KeepMatches::All,
+                    is_outside: matches!(contender.source, Source::Points(_)),
                 };
                 let progress = MatcherProgress::recover(
                     folder,
@@ -372,6 +373,7 @@ impl Run<'_> {
             observer,
             cancel,
             unkept,
+            has_told_other: AtomicBool::new(false),
         };
 
         if progress.lost() > 0 {

@@ -34,6 +34,12 @@ pub trait Observer: Sync {
         let _ = (dataset, matcher, pairs);
     }
 
+    /// A source outside was asked again for pairs whose matches are not there any more, for other estimators, and finds
+    /// others now. So not all its estimators got the same.
+    fn on_other_matches(&self, dataset: &str, matcher: &str) {
+        let _ = (dataset, matcher);
+    }
+
     /// A source outside will give no more matches, for this `reason`; the run of the others goes on.
     fn on_ended(&self, matcher: &str, reason: &str) {
         let _ = (matcher, reason);

@@ -101,6 +101,8 @@ pub(super) struct PairDone {
     pub(super) images: Vec<(u32, blake3::Hash)>,
     /// The depth by which the pair is judged, which is to be noted too.
     pub(super) depth: Vec<(u32, blake3::Hash)>,
+    /// Whether a source found other matches than those that records of other estimators follow from.
+    pub(super) is_other: bool,
 }
 
 impl PairDone {
@@ -117,6 +119,7 @@ impl PairDone {
             depth: (depth.into_iter())
                 .flat_map(|hashes| frames.into_iter().zip(hashes))
                 .collect(),
+            is_other: false,
         }
     }
 
@@ -212,7 +215,8 @@ impl PairStages<'_> {
     }
 
     /// Does all tasks that are due of a pair of images that a `source` matches. It is not asked for matches that
-    /// are `stored`: asked again, it may give others than those that other estimators got.
+    /// are `stored`: asked again, it may give others than those that other estimators got. Where these are not there any more,
+    /// it is noted if their numbers are others.
     ///
     /// # Errors
     /// If the source ended, an image that it reads is another than the run has worked with, or what is stored
@@ -252,6 +256,8 @@ impl PairStages<'_> {
             done.records[first].1.device = device;
             if selected.is_ok() {
                 done.images.clone_from(&hashes);
+                let key = (pair.a, pair.b, repetition);
+                done.is_other |= self.progress.is_other(key, counts);
             }
             self.keep(pair, repetition, selected, &mut done);
         }

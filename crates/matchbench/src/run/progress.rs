@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use super::earlier::{Earlier, InOrder, earlier};
 use super::{Contender, RunError, RunSummary};
 use crate::datasets::{Pair, Sequence};
-use crate::matchers::Source;
 use crate::records::matches::MatchesKey;
 use crate::records::store::RecordLine;
 use crate::records::{
@@ -37,6 +36,42 @@ struct Lost {
     pairs: BTreeSet<usize>,
     /// Matches on disk that are not those that any record of their pair follows from.
     foreign: BTreeMap<MatchesKey, Foreign>,
+    /// Of a source outside, the numbers of what records follow from that is not on disk. It is not asked for these again,
+    /// but may be for other estimators.
+    unkept: BTreeMap<MatchesKey, Counts>,
+}
+
+impl Lost {
+    /// Notes what is missing of the matches that the `record` of a pair follows from.
+    fn note(&mut self, record: &RunRecord, pair: usize, stored: Stored<'_>) {
+        match stored.of(record) {
+            State::There => return,
+            State::Absent if stored.are_made_again() => {
+                self.pairs.insert(pair);
+            }
+            State::Absent => {}
+            State::Other(counts) => {
+                let pair = Some(pair);
+                self.foreign.insert(key(record), Foreign { counts, pair });
+            }
+        }
+        if stored.is_outside {
+            self.unkept.insert(key(record), record.counts);
+        }
+    }
+
+    /// The same of a record of before the run grew; whether it is taken over.
+    fn note_earlier(&mut self, record: &RunRecord, stored: Stored<'_>) -> bool {
+        let state = stored.of(record);
+        if let State::Other(counts) = state {
+            let foreign = Foreign { counts, pair: None };
+            self.foreign.entry(key(record)).or_insert(foreign);
+        }
+        if state != State::There && stored.is_outside {
+            self.unkept.insert(key(record), record.counts);
+        }
+        state == State::There || !stored.are_made_again()
+    }
 }
 
 /// Matches of another matcher, or of another time.
@@ -79,7 +114,8 @@ pub(super) struct PendingTask {
 impl<'a> MatcherProgress<'a> {
     /// What earlier processes left; a torn last line is cut off. Tasks that failed are due
     /// again if their records say that another try may do better, or all of them with `retry_failed`. Matches that
-    /// records follow from are in `stored`, if they are kept; those that are not are made again.
+    /// records follow from are in `stored`, if they are kept; those that are not are made again, unless they are of a
+    /// source outside, which need not find the same twice.
     ///
     /// # Errors
     /// If records cannot be read or are not those of this matcher and dataset.
@@ -105,14 +141,18 @@ impl<'a> MatcherProgress<'a> {
             let (estimator, mut lost) = progress.recorded(folder, names, retry_failed, stored)?;
             progress.lost.pairs.append(&mut lost.pairs);
             progress.lost.foreign.append(&mut lost.foreign);
+            progress.lost.unkept.append(&mut lost.unkept);
             progress.estimators.push(estimator);
         }
         progress.claim_foreign(folder, stored)?;
+        if contender.estimators.len() == 1 || progress.summary().is_complete() {
+            // Nobody asks.
+            progress.lost.unkept.clear();
+        }
         Ok(progress)
     }
 
-    /// Takes what a record of another estimator follows from as the matches of its pair, and all else for lost. A source
-    /// need not find the same matches twice, so it is asked again only for what is still to be estimated.
+    /// Takes what a record of another estimator follows from as the matches of its pair, and all else for lost.
     fn claim_foreign(&mut self, folder: &RunWriter, stored: Stored<'_>) -> Result<(), StoreError> {
         if self.lost.foreign.is_empty() {
             return Ok(());
@@ -130,7 +170,7 @@ impl<'a> MatcherProgress<'a> {
                 }
             })?;
         }
-        if stored.are_kept && matches!(self.contender.source, Source::Matcher(_)) {
+        if stored.are_made_again() {
             let pairs = foreign.values().filter_map(|foreign| foreign.pair);
             self.lost.pairs.extend(pairs);
         }
@@ -167,20 +207,7 @@ impl<'a> MatcherProgress<'a> {
                     retried.insert(done);
                 }
                 Outcome::Failed { .. } => failed += 1,
-                _ => {
-                    let pair = done / self.repetitions as usize;
-                    match stored.of(&record) {
-                        State::Absent if stored.are_kept => {
-                            lost.pairs.insert(pair);
-                        }
-                        State::There | State::Absent => {}
-                        State::Other(counts) => {
-                            let pair = Some(pair);
-                            let foreign = Foreign { counts, pair };
-                            lost.foreign.insert(key(&record), foreign);
-                        }
-                    }
-                }
+                _ => lost.note(&record, done / self.repetitions as usize, stored),
             }
             done += 1;
             Ok::<_, StoreError>(())
@@ -200,15 +227,7 @@ impl<'a> MatcherProgress<'a> {
                     failed += usize::from(stays);
                     stays
                 }
-                _ => match stored.of(record) {
-                    State::There => true,
-                    State::Absent => !stored.are_kept,
-                    State::Other(counts) => {
-                        let foreign = Foreign { counts, pair: None };
-                        lost.foreign.entry(key(record)).or_insert(foreign);
-                        !stored.are_kept
-                    }
-                },
+                _ => lost.note_earlier(record, stored),
             }
         };
         let earlier = earlier(folder, names, &self.pairs, self.repetitions, done, wanted)?;
@@ -249,6 +268,11 @@ impl<'a> MatcherProgress<'a> {
             file.forget(key, foreign.counts);
         }
         Ok(file)
+    }
+
+    /// Whether records of a repetition of a pair follow from other matches of a source outside than those with these `counts`.
+    pub(super) fn is_other(&self, key: MatchesKey, counts: Counts) -> bool {
+        (self.lost.unkept.get(&key)).is_some_and(|&unkept| unkept != counts)
     }
 
     pub(super) fn task(&self, pair: &Pair, estimator: &str, repetition: u32) -> Task {
@@ -415,6 +439,8 @@ pub(super) struct Stored<'m> {
     pub(super) file: &'m MatchesFile,
     /// Whether the run keeps all of them.
     pub(super) are_kept: bool,
+    /// Whether they are of a source outside.
+    pub(super) is_outside: bool,
 }
 
 /// What there is of the matches that a record follows from.
@@ -427,6 +453,11 @@ enum State {
 }
 
 impl Stored<'_> {
+    /// Whether those that records follow from, and that are not there, are made again.
+    fn are_made_again(self) -> bool {
+        self.are_kept && !self.is_outside
+    }
+
     fn of(self, record: &RunRecord) -> State {
         match self.file.counts(key(record)) {
             None => State::Absent,

@@ -1,7 +1,7 @@
 //! The work of one matcher on one dataset: how many pairs are listed at a time, which features are in
 //! memory, and how threads share the pairs.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::frame::{FrameStage, lock};
 use super::ordered::each_in_order;
@@ -30,6 +30,8 @@ pub(super) struct Work<'a> {
     pub(super) cancel: &'a Cancel,
     /// How many files the cache could not keep in this run so far.
     pub(super) unkept: AtomicUsize,
+    /// Whether it was told that a source finds other matches than before.
+    pub(super) has_told_other: AtomicBool,
 }
 
 /// The next of these `pairs`, as many as are listed at a time.
@@ -78,6 +80,10 @@ impl Work<'_> {
                     };
                     each_in_order(self.cancel, &some, matched, |done| {
                         self.tell_unkept(&source.source.take_unkept());
+                        if done.is_other && !self.has_told_other.swap(true, Ordering::Relaxed) {
+                            let [dataset, matcher] = self.stages.progress.names();
+                            self.observer.on_other_matches(dataset, matcher);
+                        }
                         append(done)
                     })?;
                 }

@@ -20,6 +20,8 @@ pub(super) struct Flaky {
     lacks: Vec<[u32; 2]>,
     /// Pairs that it has no matches of, and tells no features.
     empty: Vec<[u32; 2]>,
+    /// How many matches it finds beside the others.
+    more: u32,
     ends: Option<[u32; 2]>,
     /// The pair that it is stopped at.
     stops: Option<[u32; 2]>,
@@ -46,7 +48,7 @@ impl PointSource for Flaky {
         }
         let mut points = MatchedPoints::default();
         let is_empty = self.empty.contains(&pair.frames);
-        for x in 0..if is_empty { 0 } else { 40 } {
+        for x in 0..if is_empty { 0 } else { 40 + self.more } {
             let at = Point2::new(f64::from(x % 8), f64::from(x / 8));
             points.push(at, at, 0.5);
         }
@@ -336,9 +338,72 @@ fn of_some_repetitions_alone_the_matches_are_stored() {
     fs::write(&matches, &whole[..8 + 28 + 40 * 20 + 8]).unwrap();
     let flaky = Flaky::default();
     let asked = flaky.asked.clone();
-    bench.contenders = vec![flaky.with(&["first"])];
+    bench.contenders = vec![flaky.contender()];
     bench.run("run").unwrap();
     assert_eq!(asked.load(Ordering::Relaxed), 2 * 21 - 1);
-    assert_eq!(bench.records("run"), expected);
+    let mut records = bench.records("run");
+    records.retain(|record| record.task.estimator == "first");
+    assert_eq!(records, expected);
     assert_eq!(fs::read(&matches).unwrap(), whole);
+}
+
+/// Counts how often it is told that a source finds other matches.
+#[derive(Default)]
+struct Others(AtomicUsize);
+
+impl Observer for Others {
+    fn on_other_matches(&self, _: &str, matcher: &str) {
+        assert_eq!(matcher, "flaky");
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_source_is_not_asked_again_for_what_is_recorded_and_one_that_varies_is_told() {
+    for more in [0, 1] {
+        let mut bench = Bench::new(vec![Flaky::default().with(&["first"])]);
+        bench.run("run").unwrap();
+        let first = bench.records("run");
+        fs::remove_dir_all(bench.path("run").join("matches")).unwrap();
+        let mut again = |more: u32, estimators: &[&str]| {
+            let flaky = Flaky {
+                more,
+                ..Flaky::default()
+            };
+            let asked = flaky.asked.clone();
+            bench.contenders = vec![flaky.with(estimators)];
+            let others = Others::default();
+            let summary = bench.run_with("run", &others, &Cancel::default());
+            assert!(summary.unwrap().is_complete());
+            [asked, others.0.into()].map(|number| number.load(Ordering::Relaxed))
+        };
+        assert_eq!(again(more, &["first"]), [0, 0]);
+        // Once for each dataset.
+        let told = 2 * more as usize;
+        assert_eq!(again(more, &["first", "second"]), [21 + 7, told]);
+        // The matches of the second are there.
+        assert_eq!(again(2, &["first", "second", "third"]), [0, 0]);
+        let mut records = bench.records("run");
+        let selected = |estimator: &str| {
+            let mut of_one = records.iter().filter(|r| r.task.estimator == estimator);
+            of_one.next().unwrap().counts.selected
+        };
+        assert_eq!([selected("second"), selected("third")], [40 + more; 2]);
+        records.retain(|record| record.task.estimator == "first");
+        assert_eq!(records, first);
+    }
+}
+
+#[test]
+fn a_run_of_a_source_without_its_matches_grows_by_what_is_new() {
+    let mut bench = Bench::new(vec![Flaky::default().contender()]);
+    let before = bench.run("run").unwrap().total;
+    fs::remove_dir_all(bench.path("run").join("matches")).unwrap();
+    let flaky = Flaky::default();
+    let asked = flaky.asked.clone();
+    bench.contenders = vec![flaky.contender()];
+    bench.settings = repeated(2);
+    let grown = bench.run("run").unwrap();
+    assert_eq!((grown.before, grown.now), (before, before));
+    assert_eq!(asked.load(Ordering::Relaxed), 21 + 7);
 }
