@@ -13,7 +13,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::store::{self, StoreError};
+use super::store::{self, Place, StoreError};
 use super::{FORMAT, RunRecord};
 use crate::files::{move_file, sync_folder_of};
 
@@ -40,9 +40,7 @@ pub(super) fn set_aside(run: &Path) -> Result<(), StoreError> {
     for file in store::files(run)? {
         let earlier = beside(run, &file);
         if earlier.exists() {
-            let mut records = store::recover(&earlier)?;
-            records.append(&mut store::recover(&file)?);
-            store::rewrite(&earlier, &records)?;
+            store::put_behind(&earlier, &file)?;
             sync_folder_of(&earlier);
             fs::remove_file(&file).map_err(StoreError::io("delete", &file))?;
             sync_folder_of(&file);
@@ -53,17 +51,19 @@ pub(super) fn set_aside(run: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Hands over the records of these names that were set aside, each with the number of its line, and returns where they
-/// are; nothing if there are none.
+/// Hands over the records of these names that were set aside, each with the number and the place of its line, and returns
+/// where they are; nothing if there are none.
 ///
 /// # Errors
 /// If the file cannot be read or has a line that is not a record; whatever `each` does not want.
 pub(super) fn for_each<E: From<StoreError>>(
     run: &Path,
     names: [&str; 3],
-    each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+    each: impl FnMut(usize, Place, RunRecord) -> Result<(), E>,
 ) -> Result<Option<PathBuf>, E> {
-    in_file(run, names, |file| store::for_each(file, FORMAT, each))
+    in_file(run, names, |file| {
+        store::for_each_placed(file, FORMAT, each)
+    })
 }
 
 /// Where the records of these names are that were set aside, once `read` has read them; nothing if there are none.

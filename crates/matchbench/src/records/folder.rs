@@ -40,7 +40,7 @@ use serde::Deserialize;
 use super::growth::{difference, moves_tasks};
 use super::images::ImageNotes;
 use super::parts::{CACHE, LOCK, LOGS, PLAN, REPORT, TUNED, TUNING, has_plan, in_the_way};
-use super::store::RecordWriter;
+use super::store::{Place, RecordWriter};
 use super::{
     FORMAT, FolderError, MatchesFile, Plan, RunRecord, StoreError, Task, Tuned, earlier, images,
     matches, store,
@@ -430,14 +430,14 @@ impl RunWriter {
     }
 
     /// Hands over what was recorded of one matcher with one estimator on one dataset before the run grew, and was not
-    /// taken over yet, each record with the number of its line. Returns the file, if there is one.
+    /// taken over yet, each record with the number and the place of its line. Returns the file, if there is one.
     ///
     /// # Errors
     /// If it cannot be read, or has a line that is not a record; whatever `each` does not want.
     pub(crate) fn for_each_earlier<E: From<StoreError>>(
         &self,
         names: [&str; 3],
-        each: impl FnMut(usize, RunRecord) -> Result<(), E>,
+        each: impl FnMut(usize, Place, RunRecord) -> Result<(), E>,
     ) -> Result<Option<PathBuf>, E> {
         earlier::for_each(&self.folder.path, names, each)
     }

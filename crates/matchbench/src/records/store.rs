@@ -19,8 +19,8 @@
 //! loses such records, and the earlier ones stay.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io::{self, BufRead, BufReader, Write};
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -128,6 +128,18 @@ pub(crate) fn for_each<E: From<StoreError>>(
     format: u32,
     mut each: impl FnMut(usize, RunRecord) -> Result<(), E>,
 ) -> Result<u64, E> {
+    for_each_placed(path, format, |line, _, record| each(line, record))
+}
+
+/// As [`for_each`], with the place of each line too.
+///
+/// # Errors
+/// As [`for_each`].
+pub(super) fn for_each_placed<E: From<StoreError>>(
+    path: &Path,
+    format: u32,
+    mut each: impl FnMut(usize, Place, RunRecord) -> Result<(), E>,
+) -> Result<u64, E> {
     let io = |error| StoreError::io("read", path)(error);
     let corrupt = |line, reason| StoreError::Corrupt {
         path: path.into(),
@@ -141,16 +153,21 @@ pub(crate) fn for_each<E: From<StoreError>>(
         }
     };
     let mut blocks = LineBlocks::new(open_file(path).map_err(io)?, LONGEST_LINE);
-    let mut whole = 0;
+    let mut start = 0;
     let mut lines = LineReader::of_format(format);
     while let Some(block) = blocks.next_block().map_err(failed)? {
-        for (number, line) in block.parsed(|_, line| parse(line)) {
+        for (number, (length, line)) in block.parsed(|_, line| (line.len(), parse(line))) {
+            let place = Place { start, length };
+            start += length as u64;
             let record = lines.accept(line);
-            each(number, record.map_err(|reason| corrupt(number, reason))?)?;
+            each(
+                number,
+                place,
+                record.map_err(|reason| corrupt(number, reason))?,
+            )?;
         }
-        whole += block.bytes() as u64;
     }
-    Ok(whole)
+    Ok(start)
 }
 
 /// The longest line that is taken for a record, in bytes.
@@ -250,6 +267,21 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
     write_unnamed(path, &text).map_err(StoreError::io("write", path))
 }
 
+/// Writes a file anew with the lines of another behind its own; a last line without an end is cut off both.
+///
+/// # Errors
+/// As [`recover`]; or if it cannot be written. The old file is then still there.
+pub(super) fn put_behind(path: &Path, other: &Path) -> Result<(), StoreError> {
+    let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
+    let mut file = WholeFile::create_unnamed(path).map_err(write)?;
+    for part in [path, other] {
+        recover_each(part, |_, _| Ok::<_, StoreError>(()))?;
+        let mut lines = open_file(part).map_err(read)?;
+        io::copy(&mut lines, &mut file).map_err(write)?;
+    }
+    file.finish_unnamed().map_err(write)
+}
+
 /// Writes a file anew with these lines in the place of those with the same numbers, from 0; the others stay as they are.
 /// Of the file, one line is in memory.
 ///
@@ -288,6 +320,45 @@ pub(crate) struct RecordLine(Vec<u8>);
 impl RecordLine {
     pub(crate) fn of(record: &RunRecord) -> Self {
         Self(to_line(record))
+    }
+}
+
+/// Where a line stands in a file, in bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    start: u64,
+    length: usize,
+}
+
+/// Reads single lines of one file.
+#[derive(Debug)]
+pub(crate) struct Lines {
+    path: PathBuf,
+    file: File,
+}
+
+impl Lines {
+    /// Those of the file at `path`.
+    ///
+    /// # Errors
+    /// If it cannot be opened.
+    pub(crate) fn of(path: &Path) -> Result<Self, StoreError> {
+        Ok(Self {
+            path: path.into(),
+            file: open_file(path).map_err(StoreError::io("read", path))?,
+        })
+    }
+
+    /// The line at this place, of which the file was read before.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub(crate) fn at(&mut self, place: Place) -> Result<RecordLine, StoreError> {
+        let mut line = vec![0; place.length];
+        (self.file.seek(SeekFrom::Start(place.start)))
+            .and_then(|_| self.file.read_exact(&mut line))
+            .map_err(StoreError::io("read", &self.path))?;
+        Ok(RecordLine(line))
     }
 }
 

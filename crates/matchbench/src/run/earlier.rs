@@ -1,13 +1,31 @@
-//! Takes over what was recorded before a run grew. `records` says where it is until then.
+//! Takes over what was recorded before a run grew, line by line. `records` says where it is until then.
 
 use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
 
 use crate::datasets::Pair;
-use crate::records::store::{RecordLine, RecordWriter};
+use crate::records::store::{Lines, Place, RecordLine, RecordWriter};
 use crate::records::{RunRecord, RunWriter, StoreError};
 
-/// Records of before, by the indices of their tasks.
-pub(super) type Earlier = BTreeMap<usize, RunRecord>;
+/// Records of before. They are read again when their turn has come.
+#[derive(Default)]
+pub(super) struct Earlier {
+    file: PathBuf,
+    /// Where the line of a task stands, by the index of the task.
+    places: BTreeMap<usize, Place>,
+}
+
+impl Earlier {
+    /// Whether there is one of the task with this index.
+    pub(super) fn contains(&self, task: usize) -> bool {
+        self.places.contains_key(&task)
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+}
 
 /// The records of these `names` of before, of the tasks from number `done` on, of these `pairs` and so many
 /// `repetitions`; those that are not `wanted` are left out.
@@ -22,8 +40,8 @@ pub(super) fn earlier(
     done: usize,
     mut wanted: impl FnMut(&RunRecord) -> bool,
 ) -> Result<Earlier, StoreError> {
-    let (mut places, mut earlier, mut foreign) = (HashMap::new(), Earlier::new(), None);
-    let file = folder.for_each_earlier(names, |line, record| {
+    let (mut places, mut earlier, mut foreign) = (HashMap::new(), Earlier::default(), None);
+    let file = folder.for_each_earlier(names, |line, at, record| {
         if places.is_empty() {
             places.extend((pairs.iter().zip(0_usize..)).map(|(pair, i)| ((pair.a, pair.b), i)));
         }
@@ -34,7 +52,7 @@ pub(super) fn earlier(
             Some(place) => {
                 let index = place * repetitions as usize + task.repetition as usize;
                 if index >= done && wanted(&record) {
-                    earlier.insert(index, record);
+                    earlier.places.insert(index, at);
                 }
             }
             None => {
@@ -43,6 +61,9 @@ pub(super) fn earlier(
         }
         Ok::<_, StoreError>(())
     })?;
+    if let Some(file) = &file {
+        earlier.file.clone_from(file);
+    }
     match (file, foreign) {
         (Some(path), Some(line)) => Err(StoreError::Corrupt {
             path,
@@ -62,6 +83,7 @@ pub(super) fn earlier(
 pub(super) struct InOrder<'e> {
     writer: RecordWriter,
     earlier: &'e Earlier,
+    lines: Option<Lines>,
     /// The index of the task whose record comes next.
     next: usize,
 }
@@ -70,7 +92,7 @@ impl<'e> InOrder<'e> {
     /// Behind the first `done` records.
     ///
     /// # Errors
-    /// If a record of before cannot be written.
+    /// If a record of before cannot be read or written.
     pub(super) fn new(
         writer: RecordWriter,
         earlier: &'e Earlier,
@@ -79,6 +101,7 @@ impl<'e> InOrder<'e> {
         let mut in_order = Self {
             writer,
             earlier,
+            lines: None,
             next: done,
         };
         in_order.take_over()?;
@@ -96,8 +119,12 @@ impl<'e> InOrder<'e> {
     }
 
     fn take_over(&mut self) -> Result<(), StoreError> {
-        while let Some(record) = self.earlier.get(&self.next) {
-            self.writer.append(record)?;
+        while let Some(&place) = self.earlier.places.get(&self.next) {
+            let lines = match &mut self.lines {
+                Some(lines) => lines,
+                none => none.insert(Lines::of(&self.earlier.file)?),
+            };
+            self.writer.append_line(&lines.at(place)?)?;
             self.next += 1;
         }
         Ok(())

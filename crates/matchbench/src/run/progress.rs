@@ -288,7 +288,7 @@ impl<'a> MatcherProgress<'a> {
 
     pub(super) fn is_done(&self) -> bool {
         self.summary().is_complete()
-            && (self.estimators.iter()).all(|estimator| estimator.earlier.is_empty())
+            && (self.estimators.iter()).all(|estimator| estimator.earlier.len() == 0)
     }
 
     /// What appends the records of each estimator.
@@ -389,7 +389,7 @@ impl<'a> MatcherProgress<'a> {
         let first = self.first_pending();
         let pairs = self.pairs.get(first..).unwrap_or_default();
         self.pairs_where(pairs, first, |estimator, task| {
-            task >= estimator.done && !estimator.earlier.contains_key(&task)
+            task >= estimator.done && !estimator.earlier.contains(task)
         })
     }
 

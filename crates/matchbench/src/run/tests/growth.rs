@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use super::again::reword;
 use super::*;
 use crate::files::{Fault, break_calls};
 use crate::records::RunFolder;
@@ -200,6 +201,30 @@ fn a_run_that_grows_may_be_cut_off_anywhere_and_grow_again() {
         assert_eq!(bench.records("grown"), expected);
         assert_eq!(earlier_files(&bench), 0);
     }
+}
+
+#[test]
+fn records_of_before_a_run_grew_stay_as_they_stood() {
+    let mut bench = Bench::new(vec![Toy::default().contender("bright", &["first"])]);
+    bench.settings = sampled(Some(3), 1);
+    bench.run("grown").unwrap();
+    let file = store::path(&bench.path("grown"), "street", "bright", "first");
+    let first = reword(&file);
+    // It is stopped before it has taken over all of it, and grows again.
+    bench.settings = sampled(None, 2);
+    let cancel = Cancel::default();
+    let observer = After {
+        records: AtomicUsize::new(1),
+        cancel: &cancel,
+    };
+    bench.run_with("grown", &observer, &cancel).unwrap();
+    assert!(file.exists() && earlier_files(&bench) > 0);
+    bench.settings = repeated(3);
+    assert!(bench.run("grown").unwrap().is_complete());
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.lines().any(|line| line == first));
+    bench.run("whole").unwrap();
+    assert_eq!(bench.records("grown"), bench.records("whole"));
 }
 
 #[test]
