@@ -124,6 +124,19 @@ pub enum ShardError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A shard lacks matches of a native matcher, which a run makes again.
+    #[error(
+        "{}: it has lost the matches of {} {}; run shard {number} again, which makes them again, and merge then",
+        folder.display(), frames[0], frames[1]
+    )]
+    Lost {
+        /// The number of the shard.
+        number: u32,
+        /// Its folder.
+        folder: PathBuf,
+        /// The frames of the first pair.
+        frames: [u32; 2],
+    },
     /// The run has fewer failures than the shards: it was continued after an earlier merge.
     #[error(
         "{}: {} failed in the shards and not here, where the run was continued since; what was repaired would be lost. Merge \

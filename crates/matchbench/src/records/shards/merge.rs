@@ -301,6 +301,11 @@ impl Merging<'_> {
             a, b, repetition, ..
         } = record.task;
         match file.take((a, b, repetition), is_likely)? {
+            None if must_be && are_all && matcher.extraction.is_some() => Err(ShardError::Lost {
+                number: number(shard),
+                folder: self.folders[shard].clone(),
+                frames: [a, b],
+            }),
             None if must_be => {
                 Err(self.broken(shard, &format!("it has lost the matches of {a} {b}")))
             }
@@ -367,11 +372,16 @@ impl Merging<'_> {
 
     fn broken(&self, shard: usize, reason: &str) -> ShardError {
         ShardError::Broken {
-            number: u32::try_from(shard + 1).unwrap_or(u32::MAX),
+            number: number(shard),
             folder: self.folders[shard].clone(),
             reason: reason.into(),
         }
     }
+}
+
+/// The number of the shard with this index.
+fn number(shard: usize) -> u32 {
+    u32::try_from(shard + 1).unwrap_or(u32::MAX)
 }
 
 /// How many records of a file did not fail; none if it is not there.

@@ -112,6 +112,26 @@ fn a_shard_that_was_killed_while_it_tried_again_is_merged() {
 }
 
 #[test]
+fn a_shard_that_has_lost_matches_is_run_again() {
+    let bench = bench();
+    let plan = bench.plan("plan", 2, KeepMatches::All);
+    bench.shards(&plan, "plan", [1, 2]);
+    let merged = || merge(&plan, &bench.path("plan"), &[], &bench.path("merged"));
+    let file = bench.path("plan/shards/1/matches/street/dark.bin");
+    let sound = fs::read(&file).unwrap();
+    fs::write(&file, &sound[..sound.len() / 2]).unwrap();
+    let error = merged().unwrap_err().to_string();
+    assert!(
+        error.contains("run shard 1 again, which makes them again") && !error.contains("delete"),
+        "{error}"
+    );
+    bench.shards(&plan, "plan", [1]);
+    merged().unwrap();
+    bench.run("single").unwrap();
+    assert!(bench.results("merged") == bench.results("single"));
+}
+
+#[test]
 fn what_a_run_has_repaired_since_it_was_merged_stays() {
     let bench = bench();
     let plan = bench.plan("plan", 2, KeepMatches::All);
