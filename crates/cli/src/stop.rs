@@ -30,8 +30,8 @@ fn ending() -> MutexGuard<'static, ()> {
 }
 
 /// What happens when the user stops the program: until work has [begun](Self::begin), after its [end](Self::end), and the
-/// second time, the process ends at once; then at most the pairs in flight are lost. The first time after it has begun, a token is set and a
-/// message printed.
+/// second time, the process ends at once; then at most the pairs in flight are lost. The first time after it has begun, a
+/// token is set and a message printed.
 #[derive(Clone, Default)]
 pub(crate) struct Stop {
     cancel: Cancel,

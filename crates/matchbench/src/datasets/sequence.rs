@@ -68,8 +68,8 @@ pub enum Truth {
 }
 
 impl Sequence {
-    /// The frame that somebody calls so: by its number, counted from 0, or by the name that its image has, or had before it was
-    /// copied or linked into the dataset, with or without folders and ending.
+    /// The frame that somebody calls so: by its number, counted from 0, or by the name that its image has, or had before
+    /// it was copied or linked into the dataset, with or without folders and ending.
     ///
     /// # Errors
     /// If there is no such frame, or several images have this name.

@@ -319,8 +319,8 @@ impl RunWriter {
         Ok(Self::start_checked(path, plan, |_| Ok(()))?.0)
     }
 
-    /// The same. A run that is there and is to grow on its datasets is shown to `check` before its results are set aside and its plan is
-    /// another; what comes of that is handed on.
+    /// The same. A run that is there and is to grow on its datasets is shown to `check` before its results are set aside
+    /// and its plan is another; what comes of that is handed on.
     ///
     /// # Errors
     /// As [`RunWriter::start`], and what `check` does not want.

@@ -7,9 +7,9 @@
 //! matches in both. A matcher from outside may not; so all that is recorded of it on a dataset comes from one run.
 //!
 //! A run that is being written is refused, and none begins while they are joined: its records would be those of a later
-//! time than its matches. All that is joined is read and checked before anything is written, and the run appears when all of it is written, see
-//! [`staged`](super::staged): a join that is stopped leaves no run. The result is a run like any other: it can be
-//! scored, reported, and go on.
+//! time than its matches. All that is joined is read and checked before anything is written, and the run appears when all
+//! of it is written, see [`staged`](super::staged): a join that is stopped leaves no run. The result is a run like any
+//! other: it can be scored, reported, and go on.
 
 mod plan;
 
@@ -139,8 +139,8 @@ pub struct Joined {
 /// Joins these `runs` into a new one in the folder `out`.
 ///
 /// # Errors
-/// If one is no run, damaged, or written by a process, if they contradict each other, or if `out` holds a run or cannot be written to. No run is
-/// left then.
+/// If one is no run, damaged, or written by a process, if they contradict each other, or if `out` holds a run or cannot be
+/// written to. No run is left then.
 pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
     if RunFolder::is_at(out) {
         return Err(JoinError::Taken { out: out.into() });
