@@ -7,7 +7,7 @@ mod runs;
 use std::num::NonZeroU64;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use matchbench::estimators::ESTIMATORS;
 use matchbench::matchers::MATCHERS;
@@ -154,6 +154,20 @@ fn one_of(group: &'static str, arguments: [&'static str; 2]) -> ArgGroup {
     group.required(true).multiple(true)
 }
 
+/// The folder of a run, which may be named by its `plan.json` too, as that of a plan of shards may.
+fn run_folder() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path: PathBuf| match path.parent() {
+        Some(folder) if path.ends_with("plan.json") && path.is_file() => {
+            if folder.as_os_str().is_empty() {
+                ".".into()
+            } else {
+                folder.to_owned()
+            }
+        }
+        _ => path,
+    })
+}
+
 /// A number that must be at least 1.
 fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
     let number: Result<NonZeroU64, _> = text.parse();
@@ -163,6 +177,8 @@ fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
+
     use clap::CommandFactory;
 
     use super::*;
@@ -170,6 +186,26 @@ mod tests {
     #[test]
     fn arguments_are_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_run_may_be_named_by_its_plan() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let plan = folder.path().join("plan.json");
+        let asked = |path: &std::path::Path| {
+            let words = [
+                OsStr::new("matchbench"),
+                OsStr::new("eval"),
+                path.as_os_str(),
+            ];
+            match Cli::try_parse_from(words).expect("a path").command {
+                Command::Eval(args) => args.results,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(asked(&plan).as_deref(), Some(&*plan), "it is not there");
+        std::fs::write(&plan, "{}").expect("writable");
+        assert_eq!(asked(&plan).as_deref(), Some(folder.path()));
     }
 
     /// Parses every line of `text` that begins with the name of the program; each must be valid.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{from_one, one_of};
+use super::{from_one, one_of, run_folder};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -20,7 +20,7 @@ Examples:
 #[command(group(one_of("scored", ["results", "errors"])))]
 pub(crate) struct EvalArgs {
     /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
-    #[arg(value_name = "RESULTS")]
+    #[arg(value_name = "RESULTS", value_parser = run_folder())]
     pub results: Option<PathBuf>,
     #[command(flatten)]
     pub scored: ScoredArgs,
@@ -107,7 +107,7 @@ Examples:
   matchbench report Results --datasets Dataset --preset paper --out paper-report")]
 pub(crate) struct ReportArgs {
     /// A run folder, or a folder with the authors' <sequence>/<matcher>.txt files
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "RUN", value_parser = run_folder())]
     pub run: PathBuf,
     /// Folder of the report [default: RUN/report]
     #[arg(long, value_name = "DIR")]
@@ -192,10 +192,10 @@ Examples:
   matchbench compare runs/first --matchers sift+ransac-e,sift+best")]
 pub(crate) struct CompareArgs {
     /// The first run, before a change
-    #[arg(value_name = "BEFORE")]
+    #[arg(value_name = "BEFORE", value_parser = run_folder())]
     pub before: PathBuf,
     /// The second run, after the change
-    #[arg(value_name = "AFTER")]
+    #[arg(value_name = "AFTER", value_parser = run_folder())]
     pub after: Option<PathBuf>,
     /// Two methods to compare with each other, separated by a comma
     #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1)]
@@ -223,7 +223,7 @@ Examples:
   matchbench export runs/first hloc --format hloc --inliers best")]
 pub(crate) struct ExportArgs {
     /// A run folder
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "RUN", value_parser = run_folder())]
     pub run: PathBuf,
     /// Folder to write into
     #[arg(value_name = "OUT")]

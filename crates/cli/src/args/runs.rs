@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use matchbench::records::KeepMatches;
 
-use super::{from_one, one_of};
+use super::{from_one, one_of, run_folder};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -247,7 +247,7 @@ Examples:
   matchbench report runs/all")]
 pub(crate) struct JoinArgs {
     /// Folders of runs
-    #[arg(value_name = "RUN", num_args = 2.., required = true)]
+    #[arg(value_name = "RUN", num_args = 2.., required = true, value_parser = run_folder())]
     pub runs: Vec<PathBuf>,
     /// Folder of the joined run, which must not be there yet
     #[arg(long, value_name = "RUN")]
