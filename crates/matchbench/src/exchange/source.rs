@@ -112,6 +112,10 @@ fn understood(params: &Value, dataset: &str) -> Option<Understood> {
 }
 
 impl PointSource for MatchSource {
+    fn repeats(&self) -> bool {
+        true
+    }
+
     fn matches(&self, pair: &ImageFiles<'_>, _: Seed) -> Result<SourcedMatches, SourceError> {
         let [a, b] = pair.frames;
         let files = self.datasets.get(pair.dataset).ok_or_else(|| {

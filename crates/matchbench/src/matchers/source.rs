@@ -67,6 +67,12 @@ pub trait PointSource: Send + Sync {
     /// [`SourceError::Ended`] if there will be no answer for any later pair either; this ends the run.
     fn matches(&self, pair: &ImageFiles<'_>, seed: Seed) -> Result<SourcedMatches, SourceError>;
 
+    /// Whether it gives the same matches of a pair whenever it is asked, as files do. One that need not is not asked again
+    /// for what is recorded.
+    fn repeats(&self) -> bool {
+        false
+    }
+
     /// Whoever asks from now on is a run that is stopped by `cancel`. Then pairs in flight are finished, but those that
     /// wait for their turn and would take long may be answered by [`SourceError::Stopped`].
     fn heed(&self, cancel: &Cancel) {

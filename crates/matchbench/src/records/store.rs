@@ -72,7 +72,7 @@ pub enum StoreError {
     /// A file of matches that is damaged.
     #[error(
         "{}: damaged ({reason}); delete it, and run again what wrote it: matches that are missing are made again, but for those \
-         of a matcher from outside",
+         of a program or of a matcher in Python",
         path.display()
     )]
     Matches {

@@ -328,7 +328,7 @@ impl Run<'_> {
                 let stored = Stored {
                     file: &matches,
                     are_kept: self.keep_matches == KeepMatches::All,
-                    is_outside: matches!(contender.source, Source::Points(_)),
+                    may_vary: matches!(&contender.source, Source::Points(source) if !source.source.repeats()),
                 };
                 let progress = MatcherProgress::recover(
                     folder,

@@ -36,7 +36,7 @@ struct Lost {
     pairs: BTreeSet<usize>,
     /// Matches on disk that are not those that any record of their pair follows from.
     foreign: BTreeMap<MatchesKey, Foreign>,
-    /// Of a source outside, the numbers of what records follow from that is not on disk. It is not asked for these again,
+    /// Of a source that may vary, the numbers of what records follow from that is not on disk. It is not asked for these again,
     /// but may be for other estimators.
     unkept: BTreeMap<MatchesKey, Counts>,
 }
@@ -55,7 +55,7 @@ impl Lost {
                 self.foreign.insert(key(record), Foreign { counts, pair });
             }
         }
-        if stored.is_outside {
+        if stored.may_vary {
             self.unkept.insert(key(record), record.counts);
         }
     }
@@ -67,7 +67,7 @@ impl Lost {
             let foreign = Foreign { counts, pair: None };
             self.foreign.entry(key(record)).or_insert(foreign);
         }
-        if state != State::There && stored.is_outside {
+        if state != State::There && stored.may_vary {
             self.unkept.insert(key(record), record.counts);
         }
         state == State::There || !stored.are_made_again()
@@ -115,7 +115,7 @@ impl<'a> MatcherProgress<'a> {
     /// What earlier processes left; a torn last line is cut off. Tasks that failed are due
     /// again if their records say that another try may do better, or all of them with `retry_failed`. Matches that
     /// records follow from are in `stored`, if they are kept; those that are not are made again, unless they are of a
-    /// source outside, which need not find the same twice.
+    /// source that need not find the same twice.
     ///
     /// # Errors
     /// If records cannot be read or are not those of this matcher and dataset.
@@ -270,7 +270,7 @@ impl<'a> MatcherProgress<'a> {
         Ok(file)
     }
 
-    /// Whether records of a repetition of a pair follow from other matches of a source outside than those with these `counts`.
+    /// Whether records of a repetition of a pair follow from other matches of a source that may vary than those with these `counts`.
     pub(super) fn is_other(&self, key: MatchesKey, counts: Counts) -> bool {
         (self.lost.unkept.get(&key)).is_some_and(|&unkept| unkept != counts)
     }
@@ -439,8 +439,8 @@ pub(super) struct Stored<'m> {
     pub(super) file: &'m MatchesFile,
     /// Whether the run keeps all of them.
     pub(super) are_kept: bool,
-    /// Whether they are of a source outside.
-    pub(super) is_outside: bool,
+    /// Whether they are of a source that need not find the same twice.
+    pub(super) may_vary: bool,
 }
 
 /// What there is of the matches that a record follows from.
@@ -455,7 +455,7 @@ enum State {
 impl Stored<'_> {
     /// Whether those that records follow from, and that are not there, are made again.
     fn are_made_again(self) -> bool {
-        self.are_kept && !self.is_outside
+        self.are_kept && !self.may_vary
     }
 
     fn of(self, record: &RunRecord) -> State {
