@@ -117,7 +117,8 @@ impl Camera {
     }
 
     /// A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL,
-    /// OPENCV, OPENCV_FISHEYE, or FULL_OPENCV where k4, k5 and k6 are 0.
+    /// OPENCV, FULL_OPENCV where k4, k5 and k6 are 0, SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE or
+    /// OPENCV_FISHEYE.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
     fn from_model(model: &str, params: &Bound<'_, PyAny>, origin: &str) -> PyResult<Self> {

@@ -214,6 +214,8 @@ def test_cameras_by_colmaps_names():
     fisheye = mb.Camera.from_model("OPENCV_FISHEYE", [500, 501, 320, 240, 0.1, -0.2, 0.01, 0.02], origin="center")
     assert fisheye == mb.Camera(500, 501, 320, 240, fisheye=(0.1, -0.2, 0.01, 0.02))
     assert fisheye.distortion is None and fisheye.fisheye == (0.1, -0.2, 0.01, 0.02)
+    radial = mb.Camera.from_model("RADIAL_FISHEYE", [500, 320, 240, 0.1, -0.2], origin="center")
+    assert radial == mb.Camera(500, 500, 320, 240, fisheye=(0.1, -0.2, 0, 0))
     assert repr(fisheye) == "Camera(500, 501, 320, 240, fisheye=(0.1, -0.2, 0.01, 0.02))"
     with pytest.raises(ValueError, match="not both"):
         mb.Camera(500, 501, 320, 240, (0.1, 0, 0, 0), (0.1, 0, 0, 0))
@@ -233,7 +235,7 @@ def test_cameras_by_colmaps_names():
         corner = mb.Camera.from_model(model, params, origin="corner")
         assert (corner.cx, corner.cy) == (319.5, 239.5) and corner.distortion == expected.distortion
     for model, params, words in [
-        ("FISHEYE", [1], "FISHEYE is not supported: .*SIMPLE_RADIAL"),
+        ("FOV", [1], "FOV is not supported: .*SIMPLE_RADIAL"),
         ("PINHOLE", [500, 320, 240], "3 parameters.*PINHOLE, which has fx fy cx cy"),
         ("FULL_OPENCV", [1] * 12, "without k4, k5 and k6"),
     ]:

@@ -54,7 +54,8 @@ class Camera:
     @staticmethod
     def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
-        SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, or FULL_OPENCV where k4, k5 and k6 are 0."""
+        SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV where k4, k5 and k6 are 0, SIMPLE_FISHEYE, FISHEYE,
+        SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE or OPENCV_FISHEYE."""
     @property
     def fx(self) -> float:
         """Focal length along x, in pixels."""
