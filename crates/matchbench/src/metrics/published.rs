@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
-use crate::datasets::{Pair, Sequence, read_pairs, read_poses_of_pairs};
+use crate::datasets::{Pair, Sequence, is_dataset, read_pairs, read_poses_of_pairs};
 use crate::files::{LineError, read_text_lines};
 use crate::protocols;
 use crate::records::authors::{self, Row};
@@ -29,7 +29,7 @@ pub(super) fn load_published(
     datasets: Option<&Path>,
     choice: &PairChoice,
 ) -> Result<Vec<ResultSet>, ResultsError> {
-    if crate::datasets::is_dataset(results) {
+    if is_dataset(results) {
         return Err(ResultsError::Layout {
             path: results.to_path_buf(),
             problem: "a dataset, and no results; `matchbench run` makes some".to_owned(),
@@ -134,7 +134,7 @@ fn judged(
         return Ok(None);
     }
     let (listed, of_dataset) = match (datasets, truth) {
-        (Some(datasets), truth) if truth.is_none() || is_dataset(datasets, dataset) => {
+        (Some(datasets), truth) if truth.is_none() || lists_pairs(datasets, dataset) => {
             let dir = datasets.join(dataset);
             let mut listed = listed_pairs(datasets, dataset)?;
             let has_pairs = !listed.is_empty();
@@ -185,7 +185,7 @@ fn set_of(
     })
 }
 
-fn is_dataset(datasets: &Path, name: &str) -> bool {
+fn lists_pairs(datasets: &Path, name: &str) -> bool {
     datasets.join(name).join("pairs.txt").is_file()
 }
 
