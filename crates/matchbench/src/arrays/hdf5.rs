@@ -9,7 +9,6 @@
 mod tests;
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -80,15 +79,12 @@ impl Hdf5 {
         bytes.starts_with(b"\x89HDF\r\n\x1a\n")
     }
 
-    /// Whether the file at `path` starts as one. Nothing but a file of a disk is opened: a pipe would wait for data.
+    /// Whether the file at `path` starts as one.
     pub(crate) fn is_file(path: &Path) -> bool {
         let mut start = [0; 8];
-        let is_on_disk = path.metadata().is_ok_and(|about| about.is_file());
-        is_on_disk
-            && File::open(path)
-                .and_then(|mut file| file.read_exact(&mut start))
-                .is_ok()
-            && Self::is_it(&start)
+        open_file(path)
+            .and_then(|mut file| file.read_exact(&mut start))
+            .is_ok_and(|()| Self::is_it(&start))
     }
 
     /// Opens the file at `path`, which has this content.
