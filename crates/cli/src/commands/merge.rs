@@ -2,11 +2,11 @@
 
 use std::io::Write;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use matchbench::counted::counted;
-use matchbench::datasets::is_dataset;
+use matchbench::records::ShardPlan;
 use matchbench::records::shards::merge;
-use matchbench::records::{RunFolder, ShardPlan};
+use matchbench::run::refuse_dataset;
 
 use super::job::tell_reasons;
 use crate::Ending;
@@ -16,11 +16,7 @@ use crate::output::{say, stdout, typed};
 pub(crate) fn run(args: &MergeArgs) -> Result<Ending> {
     let home = ShardPlan::folder(&args.plan);
     let plan = ShardPlan::open(&home)?;
-    ensure!(
-        !is_dataset(&args.out) || RunFolder::is_at(&args.out),
-        "{} is a dataset, and a run needs a folder of its own; choose another",
-        args.out.display()
-    );
+    refuse_dataset(&args.out)?;
     let merged = merge(&plan, &home, &args.copies, &args.out)?;
     say!(
         "{} of {}; records in {}",

@@ -229,10 +229,7 @@ impl Run<'_> {
         observer: &dyn Observer,
         cancel: &Cancel,
     ) -> Result<RunSummary, RunError> {
-        if is_dataset(self.folder) && !RunFolder::is_at(self.folder) {
-            let folder = self.folder.into();
-            return Err(FolderError::IsDataset { folder }.into());
-        }
+        refuse_dataset(self.folder)?;
         let mut plan = plan(self.datasets, self.contenders, self.settings)?;
         let tuned = all_tuned(self.folder, self.tuned)?;
         refuse_tuned(&tuned, &plan, self.datasets)?;
@@ -462,6 +459,18 @@ fn images<'d>(
         }
     }
     Ok(images)
+}
+
+/// Refuses the folder of a dataset for that of a run, unless a run is in it already.
+///
+/// # Errors
+/// [`FolderError::IsDataset`] if it is one.
+pub fn refuse_dataset(folder: &Path) -> Result<(), FolderError> {
+    if is_dataset(folder) && !RunFolder::is_at(folder) {
+        let folder = folder.into();
+        return Err(FolderError::IsDataset { folder });
+    }
+    Ok(())
 }
 
 /// The notes of each dataset, by its name, see [`verified_notes`].
