@@ -215,8 +215,8 @@ impl PairStages<'_> {
     }
 
     /// Does all tasks that are due of a pair of images that a `source` matches. It is not asked for matches that
-    /// are `stored`: asked again, it may give others than those that other estimators got. Where these are not there any more,
-    /// it is noted if their numbers are others.
+    /// are `stored`: asked again, it may give others than those that other estimators got. Where these are not there any
+    /// more, it is noted if their numbers are others.
     ///
     /// # Errors
     /// If the source ended, an image that it reads is another than the run has worked with, or what is stored

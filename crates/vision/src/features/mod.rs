@@ -97,9 +97,10 @@ pub trait Extractor: Send + Sync {
     }
 
     /// About how many bytes [`Extractor::extract`] takes for an image of this `size`, its features among
-    /// them and the image not: as measured on a wall of small patches, which has more features than
-    /// most photographs; with twice as many it still holds, and with settings that find more it may not. Where several views of the image are worked on at a time (ASIFT), as many as the
-    /// surrounding rayon pool has threads count. 0 where nobody has said.
+    /// them and the image not: as measured on a wall of small patches, which has more features than most
+    /// photographs; with twice as many it still holds, and with settings that find more it may not. Where
+    /// several views of the image are worked on at a time (ASIFT), as many as the surrounding rayon pool has
+    /// threads count. 0 where nobody has said.
     fn memory(&self, _size: Size) -> usize {
         0
     }

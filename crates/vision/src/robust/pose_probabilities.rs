@@ -35,8 +35,8 @@
 //! Noise looks like parallax too. Where the camera only turned there is nothing else, and the more matches there are, the
 //! better they seem to determine some direction. Noise of both points brings four times its variance into a squared
 //! parallax. So of what these matches tell of the direction only the share `1 - 2 (4 v) / p` counts, where v is the
-//! variance of the noise, p the mean squared parallax, and 2 a margin: nothing counts where p is twice what noise brings.
-//! *Choice*: with margins of 1 and 3 the probabilities of turned photographs and of short baselines are about the same.
+//! variance of the noise, p the mean squared parallax, and 2 a margin: nothing counts where p is at most twice what noise
+//! brings. *Choice*: with margins of 1 and 3 the probabilities of turned photographs and of short baselines are about the same.
 //!
 //! Each regression is `p = 1 / (1 + exp(-(w_0 + sum w_i ln number_i)))`. A low `overlap` says that the images show
 //! nothing in common or that the matches do not tell; these two cases cannot be told apart.
@@ -133,7 +133,7 @@ pub(super) fn pose_probabilities(
     };
     let (usual, squared_parallax) = of_usual_parallax(b_from_a, &near);
     let of_noise = MARGIN * 4.0 * noise * noise;
-    // Where there is no parallax at all, or no match, this is no number.
+    // Without parallax, or without a match, the difference is infinite or no number, and the share 0.
     let of_scene = (1.0 - of_noise / squared_parallax).max(0.0);
     let deviation = pose_deviation(b_from_a, &usual, noise, of_scene).to_degrees();
     let noise_px = noise * focal;

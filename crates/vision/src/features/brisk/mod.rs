@@ -33,8 +33,7 @@
 //!
 //! Layers have whole numbers of pixels, and positions are multiplied by 1.5, 2, 3 ..., as there. Where the sides of the
 //! image are no multiples of these, keypoints of coarse layers lie too far left and up, more so to the right and below:
-//! by less than their scale in pixels (up to 5 on the
-//! layer of scale 6).
+//! by less than their scale in pixels (up to 5 on the layer of scale 6).
 
 mod layers;
 mod pattern;
