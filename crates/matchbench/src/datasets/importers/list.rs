@@ -109,6 +109,11 @@ pub(super) fn camera(k: &[f64]) -> Result<Camera, String> {
 pub(super) const STAND_IN: &str = "the cameras are not known: a focal length of 1.2 times the longer side \
      stands in for each, with the principal point in the middle";
 
+/// The note that is written if [`stand_in`] was used for pairs with homographies alone.
+pub(super) fn stand_in_of_planes() -> String {
+    format!("{STAND_IN}; homographies do not need them")
+}
+
 /// A camera for an image of which only the size is known. Its focal length is COLMAP's first guess, 1.2 times
 /// the longer side.
 pub(super) fn stand_in(size: Size) -> Camera {

@@ -116,7 +116,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         id: "image-pairs",
-        help: "glue-factory's image_pairs: per line names, K, K, and R and t or a 4x4 T_0to1",
+        help: "glue-factory's image_pairs: per line names, K, K, and R and t or a 4x4 T_0to1; or names, H_0to1",
         default_pairs: None,
         options: &[Has::ImageRoot],
         read: image_pairs::read,

@@ -121,10 +121,7 @@ impl Series {
     /// The series as they were read.
     pub(super) fn finish(self, origin: String) -> Imported {
         let mut imported = Imported::listed(origin, self.frames.into_frames(), self.pairs);
-        imported
-            .about
-            .notes
-            .push(format!("{}; homographies do not need them", list::STAND_IN));
+        imported.about.notes.push(list::stand_in_of_planes());
         imported
     }
 }
