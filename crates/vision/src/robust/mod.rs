@@ -44,6 +44,7 @@ pub mod mlesac;
 mod noise_scale;
 mod parts;
 mod plane_poses;
+mod plane_rivals;
 pub mod pose_probabilities;
 pub mod presets;
 mod problem;

@@ -38,6 +38,9 @@
 //! variance of the noise, p the mean squared parallax, and 2 a margin: nothing counts where p is at most twice what noise
 //! brings. *Choice*: with margins of 1 and 3 the probabilities of turned photographs and of short baselines are about the same.
 //!
+//! A plane allows two poses. So the product is multiplied by the share of the pose beside the other one, where that explains
+//! the near matches as well (`robust/plane_rivals.rs`).
+//!
 //! Each regression is `p = 1 / (1 + exp(-(w_0 + sum w_i ln number_i)))`. A low `overlap` says that the images show
 //! nothing in common or that the matches do not tell; these two cases cannot be told apart.
 //!
@@ -50,6 +53,7 @@
 use super::TwoViews;
 use super::consensus::inliers_within;
 use super::grid::{FAR_AT_DEPTH_1, cells_of, span};
+use super::plane_rivals::share_beside_rivals;
 use crate::geometry::{
     PointPairs, RelativePose, essential_from_pose, pose_deviation, squared_sampson_distances,
 };
@@ -93,27 +97,68 @@ impl TwoViews<'_> {
     /// # Panics
     /// If the lists of the matches have different lengths.
     pub fn pose_probabilities(&self, b_from_a: &RelativePose) -> PoseProbabilities {
-        pose_probabilities(&self.at_depth_1(), self.mean_focal(), b_from_a)
+        let (pairs, focal) = (self.at_depth_1(), self.mean_focal());
+        let alone = pose_probabilities(&pairs, focal, b_from_a);
+        let near = NearMatches::of(b_from_a, &pairs, focal);
+        let variance = near.noise * near.noise;
+        let share = share_beside_rivals(
+            b_from_a,
+            &near.pairs,
+            near.squared_limit,
+            variance,
+            RIGHT_POSE,
+        );
+        PoseProbabilities {
+            right: alone.right * share,
+            ..alone
+        }
     }
 }
 
-/// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit. Their covariances are not
-/// used, whatever the distances of the search are: the probabilities are calibrated on plain Sampson distances.
+/// The matches near a pose.
+struct NearMatches {
+    pairs: PointPairs,
+    /// Their places among all matches.
+    indices: Vec<u32>,
+    /// The largest squared distance of a near match.
+    squared_limit: f64,
+    /// Standard deviation of their distances, at least [`NOISE_PX`].
+    noise: f64,
+}
+
+impl NearMatches {
+    fn of(b_from_a: &RelativePose, pairs: &PointPairs, focal: f64) -> Self {
+        let mut squared = vec![0.0; pairs.len()];
+        let essential = essential_from_pose(b_from_a);
+        squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
+        let squared_limit = (NEAR_PX / focal) * (NEAR_PX / focal);
+        let indices = inliers_within(&squared, squared_limit);
+        let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
+        let freedom = indices.len().saturating_sub(SAMPLE).max(1);
+        Self {
+            pairs: pairs.chosen(&indices),
+            indices,
+            squared_limit,
+            noise: (sum / freedom as f64).sqrt().max(NOISE_PX / focal),
+        }
+    }
+}
+
+/// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit, and without a look at the
+/// other pose that a plane allows. Their covariances are not used, whatever the distances of the search are: the
+/// probabilities are calibrated on plain Sampson distances.
 pub(super) fn pose_probabilities(
     pairs: &PointPairs,
     focal: f64,
     b_from_a: &RelativePose,
 ) -> PoseProbabilities {
     let pairs = &pairs.without_covariances();
-    let mut squared = vec![0.0; pairs.len()];
-    let essential = essential_from_pose(b_from_a);
-    squared_sampson_distances(&essential, pairs, 0..pairs.len(), &mut squared);
-    let squared_threshold = (NEAR_PX / focal) * (NEAR_PX / focal);
-    let indices = inliers_within(&squared, squared_threshold);
-    let near = pairs.chosen(&indices);
-    let sum: f64 = indices.iter().map(|&i| squared[i as usize]).sum();
-    let freedom = near.len().saturating_sub(SAMPLE).max(1);
-    let noise = (sum / freedom as f64).sqrt().max(NOISE_PX / focal);
+    let NearMatches {
+        pairs: near,
+        indices,
+        noise,
+        ..
+    } = NearMatches::of(b_from_a, pairs, focal);
 
     let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
     let cells = views.map(|(x, y)| occupied_cells(x, y, &indices));
