@@ -18,10 +18,15 @@
 //! is stretched more than fourfold, and where both axes are stretched alike, not more than 2.83-fold. To undo a fisheye
 //! stretches the image without bound towards 90 degrees, and rightly so: fourfold at 59 degrees, eightfold at 69. There
 //! the bound is so many times what an ideal fisheye stretches, whose angles are the distances from the centre.
+//!
+//! *Differs*: the paper takes derivatives of unit rays by the pixel, here they are those of points at depth 1. Both agree where
+//! the epipolar equation holds. Elsewhere a point at depth 1 also changes the length of its ray, so near 90 degrees, where the
+//! stretch is huge, it seems near every line. What a fisheye shows beyond 90 degrees has no point at depth 1 and is put at the
+//! last one, whose covariance would let it agree with every model; it has the identity instead.
 
 use nalgebra::{Matrix2, Point2};
 
-use super::Lens;
+use super::{Fisheye, Lens};
 
 /// Largest root of the sum of both squared stretches for which the lens model is used; of a fisheye, in those of an ideal
 /// one.
@@ -70,6 +75,9 @@ fn covariance(lens: Option<&Lens>, point: Point2<f64>) -> [f64; 3] {
     let Some(lens) = lens else {
         return IDENTITY;
     };
+    if matches!(lens, Lens::Fisheye(_)) && Fisheye::is_last(point) {
+        return IDENTITY;
+    }
     let seen_by_point = lens.derivative(point);
     // A mirror image, or one turned around: the fold was passed once or twice.
     if seen_by_point.determinant() <= 0.0 || seen_by_point.trace() <= 0.0 {
@@ -222,6 +230,16 @@ mod tests {
         for degrees in [60.0_f64, 65.0, 80.0] {
             let at = Point2::new(degrees.to_radians().tan(), 0.0);
             assert_eq!(covariance(Some(&folding), at), [1.0, 0.0, 1.0], "{degrees}");
+        }
+    }
+
+    #[test]
+    fn what_a_fisheye_shows_beyond_90_degrees_agrees_with_no_model_by_its_covariance() {
+        let lens = Lens::Fisheye(Fisheye::default());
+        for (degrees, has_own) in [(89.0_f64, true), (90.5, false), (120.0, false)] {
+            let seen = Point2::new(degrees.to_radians() * 0.6, degrees.to_radians() * 0.8);
+            let stated = covariance(Some(&lens), lens.undistort(seen));
+            assert_eq!(stated != [1.0, 0.0, 1.0], has_own, "{degrees}: {stated:?}");
         }
     }
 

@@ -55,6 +55,11 @@ impl Fisheye {
         seen * (libm::tan(theta) / distance)
     }
 
+    /// Whether a point at depth 1 is where [`Fisheye::undistort`] puts all that is seen beyond 90 degrees.
+    pub(super) fn is_last(p: Point2<f64>) -> bool {
+        libm::atan(p.coords.norm()) > MOST - 1e-9
+    }
+
     /// Derivative of [`Fisheye::distort`] at `p`.
     pub fn derivative(&self, p: Point2<f64>) -> Matrix2<f64> {
         let r = p.coords.norm();
