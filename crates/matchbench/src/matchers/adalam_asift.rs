@@ -175,9 +175,7 @@ impl MatcherEntry for AdalamAsiftEntry {
         };
         let on_demand = ViewsOnDemand {
             enough: params.search.enough,
-            search: PlacewiseNeighbours {
-                same_place_px: params.search.same_place_px,
-            },
+            search: PlacewiseNeighbours::new(params.search.same_place_px).map_err(refused)?,
             of_images: adalam(false).map_err(refused)?,
             of_views: adalam(params.selection.keep_clear).map_err(refused)?,
         };

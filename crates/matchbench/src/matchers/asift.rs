@@ -69,13 +69,15 @@ impl AsiftExtraction {
         search: PlacewiseNeighbours,
         selector: Box<dyn Selector>,
     ) -> Result<BuiltMatcher, ConfigError> {
+        let refused = |error| ConfigError::new(id, error);
+        let search = PlacewiseNeighbours::new(search.same_place_px).map_err(refused)?;
         Ok(BuiltMatcher {
             id: id.into(),
             params,
             extraction: self.extraction(),
             detection: None,
             matcher: Box::new(Pipeline {
-                extractor: self.build().map_err(|e| ConfigError::new(id, e))?,
+                extractor: self.build().map_err(refused)?,
                 search: Box::new(search),
                 selectors: vec![selector],
             }),

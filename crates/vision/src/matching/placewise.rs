@@ -27,6 +27,7 @@
 use super::fginn::FAR;
 use super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
+use crate::params::ParamError;
 use crate::simd::{complete, near_rows, two_nearest_among};
 
 /// Number of features in a block.
@@ -45,6 +46,23 @@ pub struct PlacewiseNeighbours {
 impl Default for PlacewiseNeighbours {
     fn default() -> Self {
         Self { same_place_px: 6.0 }
+    }
+}
+
+impl PlacewiseNeighbours {
+    /// A search with this radius of a place.
+    ///
+    /// # Errors
+    /// If the radius is negative or not finite.
+    pub fn new(same_place_px: f32) -> Result<Self, ParamError> {
+        let allowed = same_place_px >= 0.0 && same_place_px.is_finite();
+        ParamError::unless(
+            allowed,
+            "same_place_px",
+            same_place_px,
+            "a number from 0 on",
+        )?;
+        Ok(Self { same_place_px })
     }
 }
 
