@@ -1,4 +1,5 @@
-//! `ransac-f`: seven-point RANSAC without calibration, which is used only afterwards.
+//! `ransac-f`: seven-point RANSAC for a fundamental matrix. Lens and calibration are undone before, so the threshold is
+//! one of pixels of the mean focal length; that the matrix is essential is used only afterwards.
 
 use matchbench_vision::robust::presets;
 

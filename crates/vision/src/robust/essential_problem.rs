@@ -31,7 +31,8 @@ pub struct EssentialProblem<'a> {
     /// sample [agree in orientation](crate::geometry::agree_in_orientation): under one of its poses, both depths of
     /// each have the same sign. Matches with a negative depth of less than 50 baselines under the best of the four poses
     /// count neither for the quality of a model nor for the number of its inliers. They stay in the list
-    /// [`Consensus::inliers`](super::Consensus::inliers).
+    /// [`Consensus::inliers`](super::Consensus::inliers). A score that counts distances beyond its threshold
+    /// ([`EvenMarginal`](super::EvenMarginal)) still counts such matches there.
     pub cheirality: bool,
     /// Whether the best pose is compared with the poses that a plane of its inliers allows.
     pub plane_poses: bool,

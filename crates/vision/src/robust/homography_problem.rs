@@ -22,7 +22,8 @@ pub struct HomographyProblem<'a> {
     /// Whether the plane is seen from the same side in both images. Then samples that would mirror it are
     /// refused, and matches beyond the line that is mapped to infinity count neither for the quality of a model nor
     /// for the number of its inliers, though they are in the list
-    /// [`Consensus::inliers`](super::Consensus::inliers).
+    /// [`Consensus::inliers`](super::Consensus::inliers), and a score that counts distances beyond its threshold
+    /// ([`EvenMarginal`](super::EvenMarginal)) counts them there.
     pub one_side: bool,
 }
 

@@ -36,7 +36,7 @@ use crate::params::ParamError;
 pub enum GeometryName {
     /// An essential matrix, from five matches; the calibration is used.
     Essential,
-    /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
+    /// A fundamental matrix, from seven matches. Lens and calibration are undone before; that it is essential is not used.
     Fundamental,
 }
 

@@ -39,7 +39,7 @@ pub enum Geometry {
         /// Default: 0.
         hopeless: f64,
     },
-    /// A fundamental matrix, from seven matches; the calibration is used only afterwards.
+    /// A fundamental matrix, from seven matches. Lens and calibration are undone before; that it is essential is not used.
     Fundamental {
         /// Whether a matrix whose sample lies mostly on one plane is replaced by one that also explains
         /// matches off the plane. Chum, Werner, Matas, CVPR 2005. Default: yes.
