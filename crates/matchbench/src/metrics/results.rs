@@ -15,7 +15,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::records::{Plan, RunFolder, RunRecord, check_tasks, is_twice};
+use crate::protocols;
+use crate::records::{Outcome, Plan, RunFolder, RunRecord, check_tasks, is_twice};
 
 use super::broken::count_broken;
 use super::listed::{Truths, complete_all, task};
@@ -114,6 +115,11 @@ fn read_records(
         });
         set.repetitions = set.repetitions.max(task.repetition.saturating_add(1));
         set.pairs.push(PairResult::from(&record));
+        counts_under_its_protocol(&record).map_err(|problem| ResultsError::Line {
+            path: file.to_path_buf(),
+            line,
+            problem,
+        })?;
         check(&record)
     })?;
     let planned = run.plan().settings.repetitions.get() as usize;
@@ -123,6 +129,25 @@ fn read_records(
         problem,
     })?;
     Ok(set)
+}
+
+/// A pair that failed by the rules has no pose: no run records one, and it would be scored.
+fn counts_under_its_protocol(record: &RunRecord) -> Result<(), String> {
+    let Outcome::Pose {
+        inliers, support, ..
+    } = record.outcome
+    else {
+        return Ok(());
+    };
+    let protocol = protocols::of_estimator(&record.task.estimator);
+    let reason = (protocol.too_few(record.counts.selected as usize))
+        .or_else(|| protocol.too_weak(inliers as usize, support as usize));
+    reason.map_or(Ok(()), |reason| {
+        Err(format!(
+            "the pair {} {} has a pose, but failed by the rules of {}: {reason}",
+            record.task.a, record.task.b, protocol.id
+        ))
+    })
 }
 
 /// Datasets, matchers and estimators in the order in which the plan names them; what it does not name comes
@@ -284,6 +309,36 @@ mod tests {
             assert!(error.contains(named), "{error}");
         }
         assert!(load(run.path(), None).is_ok(), "nothing else is at hand");
+    }
+
+    #[test]
+    fn a_pose_that_failed_by_the_rules_is_not_scored() {
+        let sound = line("sift", 0, 1, 0);
+        let few = (sound.replace(r#""selected":90"#, r#""selected":19"#)).replace(
+            r#""inliers":70,"support":80"#,
+            r#""inliers":12,"support":13"#,
+        );
+        let weak = sound.replace(r#""support":80"#, r#""support":9"#);
+        for (text, expected) in [
+            (
+                &few,
+                "1: the pair 0 1 has a pose, but failed by the rules of matchbench: too few matches: 19, needed 20",
+            ),
+            (&weak, "too few matches support the model: 9, needed 10"),
+        ] {
+            let run = run_folder(&[("sift", text.clone())]);
+            let error = load(run.path(), None).expect_err(expected).to_string();
+            assert!(error.contains(expected), "{error}");
+            let each = load_each(run.path(), None).expect("the folder can be read");
+            assert!(each[0].results.is_err());
+            // Other benchmarks ask for less.
+            let text = text.replace("ransac-e", "ransac-e@loftr");
+            let run = run_folder(&[("sift", text.clone())]);
+            let records = run.path().join("records/room");
+            fs::write(records.join("sift+ransac-e@loftr.jsonl"), text).expect("it is ours");
+            fs::remove_file(records.join("sift+ransac-e.jsonl")).expect("it is ours");
+            assert!(load(run.path(), None).is_ok());
+        }
     }
 
     #[test]

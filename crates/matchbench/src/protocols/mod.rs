@@ -25,6 +25,7 @@ mod zeb;
 
 use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::Size;
+use matchbench_vision::robust::NoModel;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -191,6 +192,19 @@ impl Protocol {
         } else {
             format!("{estimator}@{}", self.id)
         }
+    }
+
+    /// Why so many matches are too few for a pose, if they are.
+    pub fn too_few(&self, matches: usize) -> Option<NoModel> {
+        let (found, needed) = (matches, self.min_matches);
+        (found < needed).then_some(NoModel::TooFewMatches { found, needed })
+    }
+
+    /// Why a pose with so many inliers, and so many matches in front of both cameras, counts as failed, if it does.
+    pub fn too_weak(&self, inliers: usize, support: usize) -> Option<NoModel> {
+        let least = [(inliers, self.min_inliers), (support, self.min_support)];
+        let (found, needed) = least.into_iter().find(|(found, needed)| found < needed)?;
+        Some(NoModel::NoSupport { found, needed })
     }
 
     /// The rules on which the records of a run depend, besides the estimator. `None` for the protocol of the

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use matchbench_vision::geometry::{Camera, MatchedPoints, transfer};
 use matchbench_vision::image::Size;
 use matchbench_vision::matching::MatcherError;
-use matchbench_vision::robust::{HomographyEstimator, NoModel, PoseEstimator, TwoViews};
+use matchbench_vision::robust::{HomographyEstimator, PoseEstimator, TwoViews};
 use matchbench_vision::seed::Seed;
 use nalgebra::Matrix3;
 
@@ -104,9 +104,7 @@ impl Trial<'_> {
         times: &mut StageTimes,
     ) -> Result<Judged, String> {
         let truth = (self.truth.pose()).ok_or("the pose of the pair is not known")?;
-        let (found, needed) = (seen.points.len(), protocol.min_matches);
-        if found < needed {
-            let reason = NoModel::TooFewMatches { found, needed };
+        if let Some(reason) = protocol.too_few(seen.points.len()) {
             return Ok(Outcome::NoPose { reason }.into());
         }
         let what = format_args!("estimation by {id}");
@@ -118,12 +116,7 @@ impl Trial<'_> {
             Err(reason) => return Ok(Outcome::NoPose { reason }.into()),
             Ok(estimate) => estimate,
         };
-        let least = [
-            (estimate.inliers.len(), protocol.min_inliers),
-            (estimate.support, protocol.min_support),
-        ];
-        if let Some((found, needed)) = least.into_iter().find(|(found, needed)| found < needed) {
-            let reason = NoModel::NoSupport { found, needed };
+        if let Some(reason) = protocol.too_weak(estimate.inliers.len(), estimate.support) {
             return Ok(Outcome::NoPose { reason }.into());
         }
         guard(what, || {
@@ -212,7 +205,7 @@ pub(super) fn counts_within(distances: impl Iterator<Item = f64>) -> (u32, [u32;
 #[cfg(test)]
 mod tests {
     use matchbench_vision::geometry::RelativePose;
-    use matchbench_vision::robust::{HomographyEstimate, PoseEstimate};
+    use matchbench_vision::robust::{HomographyEstimate, NoModel, PoseEstimate};
     use nalgebra::{Isometry3, Point2, UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
