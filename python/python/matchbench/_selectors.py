@@ -57,12 +57,10 @@ def repmatch(
     return _select("repmatch", {"selection": params}, a, b, matches, cameras=cameras, seed=seed)
 
 
-def gaim(
-    a: Features, b: Features, matches: Correspondences | None = None, *, seed: int = 0, **params: Any
-) -> Correspondences:
+def gaim(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
     """Chooses among the candidates of all features together, by affine neighbourhoods (Collins, Mesejo, Bartoli, ECCV
     2014). Its own search gives several candidates per feature; leave `matches` out to use it."""
-    return _select("gaim", {"selection": params}, a, b, matches, seed=seed)
+    return _select("gaim", {"selection": params}, a, b, matches)
 
 
 def adalam(a: Features, b: Features, matches: Correspondences | None = None, **params: Any) -> Correspondences:
