@@ -6,7 +6,6 @@ use std::slice;
 
 use serde_json::Value;
 
-use super::error::CORRECT;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
@@ -259,7 +258,7 @@ impl Study {
                 file: file.clone(),
                 line: Some(*line),
                 what: error.to_string(),
-                remedy: CORRECT,
+                remedy: "ask for it too, or remove its setting here",
             },
         }
     }
