@@ -95,7 +95,7 @@ def run(
     `limit` takes the first pairs of each dataset alone, and `sample` so many pairs, evenly spread (out of the first
     ones, if there is a limit).
 
-    `keep_matches` says which matches are kept on disk, at 20 bytes each: "all" selected matches, which estimators that
+    `keep_matches` says which matches are kept on disk, at 20 to 28 bytes each: "all" selected matches, which estimators that
     are added later can use; the "inliers" of each estimator; or "none".
 
     After Ctrl-C, the pairs that are being matched are finished, and then the interrupt is raised; pairs that wait for

@@ -24,8 +24,9 @@ Examples:
   matchbench import oxford boat oxford-boat
   matchbench import rendered office office
 
-Which options a KIND has: matchbench list datasets. Where images are not there, the dataset names
-where they belong, and `matchbench validate` says which are missing.
+Every KIND has --images and --property; which others it has: matchbench list datasets. Where images
+are not there, the dataset names where they belong, and `matchbench validate` says which are
+missing.
 
 The pairs of the paper, and more:
   fragments:15        consecutive fragments of 15 frames, the first of each against its others

@@ -55,7 +55,7 @@ pub(crate) struct ScoredArgs {
     /// beside them
     #[arg(long, value_name = "DIR")]
     pub datasets: Option<PathBuf>,
-    /// Score only the pairs that this rule chooses among the listed ones: fragments:N, window:N or
+    /// Score only the pairs that this rule chooses among the listed ones: all, fragments:N, window:N or
     /// list:FILE. Images are numbered as in the results, after any stride; a list may name them, if the dataset is
     /// in DIR of --datasets, or where its run had it
     #[arg(long, value_name = "RULE")]

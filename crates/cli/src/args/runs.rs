@@ -122,7 +122,7 @@ pub(crate) struct ChoiceArgs {
     /// (repeatable)
     #[arg(long, value_name = "FILE")]
     pub tuned: Vec<PathBuf>,
-    /// Which matches are kept in RUN, at 20 bytes each [default: all]
+    /// Which matches are kept in RUN, at 20 to 28 bytes each [default: all]
     #[arg(long, value_enum, value_name = "WHICH")]
     pub keep_matches: Option<KeepArg>,
     /// The same as --keep-matches none
@@ -249,7 +249,7 @@ pub(crate) struct JoinArgs {
     /// Folders of runs
     #[arg(value_name = "RUN", num_args = 2.., required = true, value_parser = run_folder())]
     pub runs: Vec<PathBuf>,
-    /// Folder of the joined run, which must not be there yet
+    /// Folder of the joined run, which must not hold a run yet
     #[arg(long, value_name = "RUN")]
     pub out: PathBuf,
 }
@@ -496,8 +496,9 @@ pub(crate) struct TimeArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Starts the matcher and matches two pairs with known poses, one of them twice, and a pair of tiny
-images. For each it says whether the points can be right, or which usual mistake explains them.
+Starts the matcher and matches two pairs, one of them twice, and a pair of tiny images. Where the
+truth of the pairs is known, as in the built-in scene, it says whether the points can be right, or
+which usual mistake explains them.
 
 Exit codes: 0 nothing is WRONG (what is doubtful works, but not as most would like); 1 the matcher
 could not be tried, for example since its manifest cannot be read; 2 something is WRONG.
