@@ -290,6 +290,19 @@ fn a_run_that_is_not_finished_is_compared_with_a_warning() {
             let table = succeeds(folder, eval);
             let note = format!("{comment} This run is not finished: 4 of 12 planned results");
             assert!(table.starts_with(&note), "{eval:?}: {table}");
+            assert!(table.contains("Scores are of what each method has recorded"));
+            // The pairs that the dataset lists count, if it is named.
+            let listed = go(folder, &[eval, &["--datasets", "."]].concat());
+            let table = String::from_utf8_lossy(&listed.stdout);
+            assert!(
+                table.starts_with(&note)
+                    && table.contains("Missing results count as wrong")
+                    && !table.contains("what each method has recorded"),
+                "{eval:?}: {table}"
+            );
+            let warnings = String::from_utf8_lossy(&listed.stderr);
+            let of_missing = "warning: both: no result with sift + ransac-e for 4 of 6 pairs of wall, counted as wrong";
+            assert!(warnings.contains(of_missing), "{eval:?}: {warnings}");
         }
     }
 }

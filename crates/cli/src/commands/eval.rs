@@ -176,10 +176,8 @@ pub(super) fn warn_of_unfinished(
         warn_of_absent(results, run.plan(), sets);
         unfinished = warn_of_unrecorded(run, sets)?;
     }
-    if unfinished.is_none() {
-        for set in sets {
-            warn_of_missing(results, set);
-        }
+    for set in sets {
+        warn_of_missing(results, set);
     }
     Ok(unfinished)
 }

@@ -16,6 +16,9 @@ pub struct Unfinished {
     pub missing: usize,
     /// How many results are planned, of all methods.
     pub planned: usize,
+    /// How many results of pairs that the datasets list stand among those that were read as failures. They do if folders of
+    /// datasets were named; otherwise only what is recorded was read.
+    pub wrong: usize,
     /// Of each method of the plan whose records are not as many as its tasks, a sentence; of many, of the first.
     pub sentences: Vec<String>,
 }
@@ -74,6 +77,7 @@ impl Unfinished {
                 }
             }
         }
+        all.wrong = sets.values().map(|set| set.missing()).sum();
         if unfinished > NAMED + 1 {
             all.sentences.truncate(NAMED);
             all.sentences.push(format!(

@@ -44,9 +44,15 @@ impl Lacking {
 
     /// What is missing and what follows, in sentences.
     pub(super) fn sentences(&self) -> String {
+        let follows = match self.what.wrong {
+            0 => {
+                "Scores are of what each method has recorded. A method that lacks results that others have is not ranked, and not \
+                 compared with them; one without any is not shown"
+            }
+            _ => "Missing results count as wrong; a method without any results is not shown",
+        };
         format!(
-            "This run is not finished: {} ({}). Scores are of what each method has recorded. A method that lacks results that \
-             others have is not ranked, and not compared with them; one without any is not shown",
+            "This run is not finished: {} ({}). {follows}",
             self.extent(),
             self.what.sentences.join("; ")
         )
@@ -81,6 +87,7 @@ mod tests {
             what: Unfinished {
                 missing: 30,
                 planned: 40,
+                wrong: 0,
                 sentences: vec!["orb_2 with best on room: 0 of 20 planned tasks recorded".into()],
             },
             command: Some("matchbench run room --matchers sift,orb_2 --out first".into()),
