@@ -1,5 +1,6 @@
 //! The paper's Table 2 as data: matchers by datasets. The best three are marked, and those above SIFT.
 
+use std::cmp::Reverse;
 use std::fmt::Write as _;
 
 use crate::counted::counted;
@@ -247,7 +248,7 @@ impl<'a> Overview<'a> {
     }
 
     fn pairs_of(&self, column: usize, model: Model) -> String {
-        let Some(summary) = self.first(column, model) else {
+        let Some(summary) = self.fullest(column, model) else {
             return String::new();
         };
         let pairs = counted(summary.pairs / summary.repetitions.max(1) as usize, "pair");
@@ -257,13 +258,17 @@ impl<'a> Overview<'a> {
         }
     }
 
-    fn first(&self, column: usize, model: Model) -> Option<&'a Summary> {
+    /// The scores that speak for a column: the first of those with the most pairs, since others lack some of these if the
+    /// run is not finished.
+    fn fullest(&self, column: usize, model: Model) -> Option<&'a Summary> {
         let cells = self
             .rows
             .iter()
             .filter_map(|row| row.cells[column].as_ref());
-        let mut summaries = cells.map(|cell| cell.summary);
-        summaries.find(|summary| summary.model == model)
+        let summaries = cells.map(|cell| cell.summary);
+        summaries
+            .filter(|summary| summary.model == model)
+            .min_by_key(|summary| Reverse(summary.pairs))
     }
 
     /// Pairs, and the names that stand in no label: `171 pairs, ransac-e`. If there are both poses and
@@ -275,7 +280,7 @@ impl<'a> Overview<'a> {
     /// The same of what was estimated of this kind.
     pub(super) fn basis_of(&self, column: usize, model: Model) -> String {
         let mut basis = self.pairs_of(column, model);
-        let Some(summary) = self.first(column, model) else {
+        let Some(summary) = self.fullest(column, model) else {
             return basis;
         };
         let silent = match self.subject {
@@ -466,6 +471,10 @@ mod tests {
         assert_eq!(labels[1], ("lmeds-e".to_owned(), Some(1), false));
         assert_eq!(overview.subject, Subject::Estimators);
         assert_eq!(overview.basis(0), "10 pairs, sift");
+        // The first was stopped.
+        let mut stopped = summaries.clone();
+        (stopped[0].pairs, stopped[0].lacking) = (4, 6);
+        assert_eq!(Overview::new(&stopped).basis(0), "10 pairs, sift");
 
         let both = [&summaries[..], &[summary("room", "orb", 7)]].concat();
         let overview = Overview::new(&both);
