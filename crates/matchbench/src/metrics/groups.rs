@@ -22,6 +22,10 @@ use super::{Angle, Model, PairResult, ResultSet};
 pub const GROUP_LEVEL_NOTE: &str = "Methods of a dataset that share a letter do not differ significantly \
      (paired t test over images, of which there are at least 6, Holm-corrected, 5 %).";
 
+/// What a table says where there are more groups than letters.
+pub const NO_LETTERS_NOTE: &str = "Methods of a dataset have no letters if they form more than 26 groups \
+     within which they do not differ significantly.";
+
 /// With more groups than letters nothing is marked.
 const LETTERS: usize = 26;
 
@@ -31,6 +35,8 @@ pub struct Groups {
     /// The letters of each set, in the order of the sets. Empty where a dataset has one set, too few images
     /// that all sets have, or more groups than letters.
     pub letters: Vec<String>,
+    /// Of each set, whether it has no letter since the sets of its dataset form more groups than there are letters.
+    pub beyond_letters: Vec<bool>,
     /// Which sets differ significantly, the lower place first: those without a common letter.
     different: BTreeSet<(usize, usize)>,
 }
@@ -46,6 +52,7 @@ impl Groups {
         let all = (0..places.len()).flat_map(|one| (one + 1..places.len()).map(move |o| (one, o)));
         Self {
             letters: (places.iter().map(|&at| self.letters[at].clone())).collect(),
+            beyond_letters: (places.iter().map(|&at| self.beyond_letters[at])).collect(),
             different: (all.filter(|&(one, other)| self.differ(places[one], places[other])))
                 .collect(),
         }
@@ -55,19 +62,29 @@ impl Groups {
 /// Compares the sets of each dataset, all with all.
 pub fn groups(sets: &[ResultSet]) -> Groups {
     let mut letters = vec![String::new(); sets.len()];
+    let mut beyond_letters = vec![false; sets.len()];
     let mut different = BTreeSet::new();
     for rivals in Rivals::of_all(sets) {
         let members = &rivals.members;
         let pairs = rivals.different();
-        for (member, text) in members.iter().zip(letters_of(members.len(), &pairs)) {
-            letters[*member] = text;
+        match letters_of(members.len(), &pairs) {
+            Some(of_members) => {
+                for (member, text) in members.iter().zip(of_members) {
+                    letters[*member] = text;
+                }
+            }
+            None => members.iter().for_each(|&i| beyond_letters[i] = true),
         }
         for (i, j) in pairs {
             let (one, other) = (members[i], members[j]);
             different.insert((one.min(other), one.max(other)));
         }
     }
-    Groups { letters, different }
+    Groups {
+        letters,
+        beyond_letters,
+        different,
+    }
 }
 
 /// The sets of results of a dataset that are compared.
@@ -164,9 +181,9 @@ fn holm(mut tests: Vec<(f64, usize, usize)>, alpha: f64) -> Vec<(usize, usize)> 
         .collect()
 }
 
-/// The letters of `count` methods, the best first, of which the `different` pairs share none.
-fn letters_of(count: usize, different: &[(usize, usize)]) -> Vec<String> {
-    let nothing = || vec![String::new(); count];
+/// The letters of `count` methods, the best first, of which the `different` pairs share none; `None` if there are more
+/// groups than letters.
+fn letters_of(count: usize, different: &[(usize, usize)]) -> Option<Vec<String>> {
     let mut groups: Vec<BTreeSet<usize>> = vec![(0..count).collect()];
     for &(i, j) in different {
         let (both, mut kept): (Vec<_>, Vec<_>) =
@@ -184,22 +201,21 @@ fn letters_of(count: usize, different: &[(usize, usize)]) -> Vec<String> {
         // Real comparisons follow the order of the scores and stay far below; others could double
         // the groups with every step.
         if kept.len() > 20 * LETTERS {
-            return nothing();
+            return None;
         }
         groups = kept;
     }
     if groups.len() > LETTERS {
-        return nothing();
+        return None;
     }
     groups.sort();
-    (0..count)
-        .map(|method| {
-            (groups.iter().zip('a'..))
-                .filter(|(group, _)| group.contains(&method))
-                .map(|(_, letter)| letter)
-                .collect()
-        })
-        .collect()
+    let letters = (0..count).map(|method| {
+        (groups.iter().zip('a'..))
+            .filter(|(group, _)| group.contains(&method))
+            .map(|(_, letter)| letter)
+            .collect()
+    });
+    Some(letters.collect())
 }
 
 #[cfg(test)]
@@ -257,7 +273,33 @@ mod tests {
     }
 
     #[test]
+    fn groups_beyond_z_have_no_letters_and_that_is_noted() {
+        // Each is worse than the one before by one threshold, on every other image.
+        let sets: Vec<ResultSet> = (0..28)
+            .map(|level: u32| {
+                set(&level.to_string(), |a| {
+                    (f64::from(level + a % 2) / 2.0).floor() + 0.5
+                })
+            })
+            .collect();
+        let all = groups(&sets[..26]);
+        let letters: Vec<String> = ('a'..='z').map(String::from).collect();
+        assert_eq!(
+            (all.letters, all.beyond_letters),
+            (letters, vec![false; 26])
+        );
+        let more = groups(&sets);
+        assert_eq!(
+            (more.letters, more.beyond_letters),
+            (vec![String::new(); 28], vec![true; 28])
+        );
+    }
+
+    #[test]
     fn letters_overlap_where_the_middle_differs_from_neither() {
+        let letters_of = |count, different: &[(usize, usize)]| {
+            letters_of(count, different).expect("there are enough")
+        };
         assert_eq!(letters_of(3, &[(0, 2)]), ["a", "ab", "b"]);
         assert_eq!(letters_of(3, &[]), ["a", "a", "a"]);
         assert_eq!(letters_of(3, &[(0, 1), (0, 2), (1, 2)]), ["a", "b", "c"]);

@@ -53,7 +53,7 @@ pub use doubts::doubts;
 pub use errors::{ErrorTableError, is_without_sign, load_errors};
 pub use failure::Failure;
 pub use failures::Failures;
-pub use groups::{GROUP_LEVEL_NOTE, Groups, groups};
+pub use groups::{GROUP_LEVEL_NOTE, Groups, NO_LETTERS_NOTE, groups};
 pub use hard_pairs::{HardPairs, Hardship, LITTLE_OVERLAP, WIDE_ANGLE, hard_pairs};
 pub use intervals::{Interval, MIN_IMAGES, Term};
 pub(crate) use judge::Judge;

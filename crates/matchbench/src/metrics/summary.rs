@@ -48,6 +48,9 @@ pub struct Summary {
     /// Letters that it shares with those of this dataset that it does not significantly differ
     /// from (see [`groups`](super::groups())); empty where nothing was compared.
     pub group: String,
+    /// Whether it has no letter since the methods of its dataset form more groups than there are letters.
+    #[serde(skip)]
+    pub beyond_letters: bool,
     /// The share of pairs with a corner error below 1, 2, ... 15 pixels; the other curves are of poses.
     pub corner_sp: SuccessCurve,
     /// SP(1) ... SP(15) of the pose error.
@@ -83,6 +86,7 @@ impl Summary {
             scores: Scores::new(pairs),
             auc_deviation: auc_deviation(results),
             group: String::new(),
+            beyond_letters: false,
             corner_sp: SuccessCurve::of_corners(pairs),
             sp: curve(Angle::Pose),
             rotation_sp: curve(Angle::Rotation),

@@ -4,11 +4,12 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{GROUP_LEVEL_NOTE, Summary};
+use crate::metrics::Summary;
 
 use super::latex::{bases, escape, footnotes, head, label, portions, sequence_numbers};
 use super::numbers::ratio;
 use super::overview::{Cell, Overview};
+use super::score_words::group_note;
 
 /// A complete `tabular`.
 pub(super) fn render(summaries: &[Summary]) -> String {
@@ -51,8 +52,7 @@ pub(super) fn render(summaries: &[Summary]) -> String {
         text.push_str(" \\\\\n");
     }
     text.push_str("\\bottomrule\n");
-    let marked = summaries.iter().any(|summary| !summary.group.is_empty());
-    let note = marked.then(|| escape(GROUP_LEVEL_NOTE));
+    let note = group_note(summaries).map(|note| escape(&note));
     footnotes(&mut text, &overview, note.as_deref().as_slice());
     text.push_str("\\end{tabular}\n");
     text
@@ -77,6 +77,7 @@ fn auc(cell: Option<&Cell<'_>>) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::tests::{content, summary};
+    use super::super::{Content, html, markdown};
     use super::*;
 
     #[test]
@@ -107,5 +108,29 @@ mod tests {
             text.contains("SIFT & 0.600 \\\\") && !text.contains("letter"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn more_groups_than_letters_are_told_wherever_letters_are() {
+        let mut content = content(&[("room", "sift", 6), ("room", "orb", 1)]);
+        let note = "have no letters if they form more than 26 groups";
+        let tables = |content: &Content| {
+            [
+                render(&content.summaries),
+                markdown::render(&content.summaries),
+                html::render(content),
+            ]
+        };
+        assert!(tables(&content).iter().all(|text| !text.contains(note)));
+        for summary in &mut content.summaries {
+            summary.group.clear();
+            summary.beyond_letters = true;
+        }
+        for text in tables(&content) {
+            assert!(
+                text.contains(note) && !text.contains("share a letter"),
+                "{text}"
+            );
+        }
     }
 }

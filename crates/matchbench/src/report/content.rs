@@ -70,8 +70,10 @@ impl Content {
     pub(super) fn compared(results: Vec<ResultSet>, groups: Groups, facts: RunFacts) -> Self {
         let mut summaries: Vec<Summary> = (results.par_iter()).map(Summary::new).collect();
         let leads = leads(&results, &groups);
-        for (summary, letters) in summaries.iter_mut().zip(groups.letters) {
+        let letters = groups.letters.into_iter().zip(groups.beyond_letters);
+        for (summary, (letters, beyond)) in summaries.iter_mut().zip(letters) {
             summary.group = letters;
+            summary.beyond_letters = beyond;
         }
         Self {
             summaries,

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, Score, ScoreKind, Summary, shown_scores};
+use crate::metrics::{Detail, Model, Score, ScoreKind, Summary, shown_scores};
 
 use super::numbers::{NONE, interval, ratio, score};
 use super::overview::{Cell, Overview};
-use super::score_words::{definitions, protocol_notes};
+use super::score_words::{definitions, group_note, protocol_notes};
 
 /// Two tables, each with a line of explanation.
 pub(super) fn render(summaries: &[Summary]) -> String {
@@ -53,8 +53,8 @@ pub(super) fn render_with(summaries: &[Summary], behind: fn(&Score) -> String) -
     } else {
         "."
     });
-    if summaries.iter().any(|summary| !summary.group.is_empty()) {
-        let _ = write!(text, " {GROUP_LEVEL_NOTE}");
+    if let Some(note) = group_note(summaries) {
+        let _ = write!(text, " {note}");
     }
     text.push_str("\n\n### All scores\n\n");
     let mut heads: Vec<&str> = vec!["dataset", "matcher", "estimator", "pairs", "failed"];

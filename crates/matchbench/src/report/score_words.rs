@@ -1,6 +1,6 @@
 //! What scores and names of estimators mean, in words.
 
-use crate::metrics::{Detail, Model, ScoreKind, Summary};
+use crate::metrics::{Detail, GROUP_LEVEL_NOTE, Model, NO_LETTERS_NOTE, ScoreKind, Summary};
 use crate::protocols::{PROTOCOLS, Protocol};
 
 /// The definitions of the `shown` scores in a table of this detail: the column heads that share a definition,
@@ -41,6 +41,19 @@ pub(super) fn protocol_notes(summaries: &[Summary]) -> Vec<String> {
             )
         })
         .collect()
+}
+
+/// What the letters of groups mean, and why there are none; `None` if nothing was compared.
+pub(super) fn group_note(summaries: &[Summary]) -> Option<String> {
+    let has_letters = |summary: &Summary| !summary.group.is_empty();
+    let notes = [
+        (summaries.iter().any(has_letters), GROUP_LEVEL_NOTE),
+        (summaries.iter().any(|s| s.beyond_letters), NO_LETTERS_NOTE),
+    ];
+    let notes: Vec<&str> = (notes.into_iter())
+        .filter_map(|(applies, note)| applies.then_some(note))
+        .collect();
+    (!notes.is_empty()).then(|| notes.join(" "))
 }
 
 #[cfg(test)]

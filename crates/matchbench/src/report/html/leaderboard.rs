@@ -7,7 +7,7 @@ use super::super::figures::{lead_figure, sp_figure};
 use super::super::leaderboard::{Group, Leaderboard, Row};
 use super::super::numbers::{count, interval, ratio, score};
 use super::super::overview::Overview;
-use super::super::score_words::{definitions, protocol_notes};
+use super::super::score_words::{definitions, group_note, protocol_notes};
 use super::super::svg::Target;
 use super::{environment, legend, template};
 use crate::metrics::{Angle, Detail, GROUP_LEVEL_NOTE, Model, ScoreKind, Summary, shown_scores};
@@ -31,7 +31,7 @@ pub(in super::super) fn leaderboard_page(board: &Leaderboard) -> String {
         refused => (board.refused.iter())
             .map(|refused| context! { place => &refused.place, reason => &refused.reason })
             .collect::<Vec<_>>(),
-        group_note => GROUP_LEVEL_NOTE,
+        group_note => group_note(&summaries).unwrap_or_else(|| GROUP_LEVEL_NOTE.to_owned()),
         protocols => protocol_notes(&summaries),
         definitions => (definitions(&shown, Detail::Glance).into_iter())
             .map(|(heads, text)| context! { heads, text })

@@ -30,9 +30,7 @@ use minijinja::syntax::SyntaxConfig;
 use minijinja::{AutoEscape, Environment, Template, Value, context};
 
 use crate::counted::counted;
-use crate::metrics::{
-    Angle, Detail, GROUP_LEVEL_NOTE, MIN_IMAGES, Model, Portion, ScoreKind, Summary, shown_scores,
-};
+use crate::metrics::{Angle, Detail, MIN_IMAGES, Model, Portion, ScoreKind, Summary, shown_scores};
 
 use super::advantage::{leads_in_words, units};
 use super::again::Again;
@@ -46,7 +44,7 @@ use super::method;
 use super::numbers::{self, interval};
 use super::overview::{Cell, Overview, Row, Subject};
 use super::pair_time::about_times;
-use super::score_words::definitions;
+use super::score_words::{definitions, group_note};
 use super::svg::{Target, data_url, legend_sample};
 use super::words::together;
 
@@ -157,7 +155,7 @@ pub(super) fn render_extent(content: &Content, extent: &Extent) -> String {
         estimators => estimators(summaries, &overview),
         pair_list => Value::from_safe_string(pair_list::data(content, &overview, extent)),
         footnote => overview.footnote(str::to_owned),
-        group_note => (summaries.iter().any(|s| !s.group.is_empty())).then_some(GROUP_LEVEL_NOTE),
+        group_note => group_note(summaries),
         score_heads => score_heads(&shown),
         definitions => (definitions(&shown, Detail::Complete).into_iter())
             .map(|(heads, text)| context! { heads, text })
