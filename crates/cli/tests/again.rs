@@ -8,7 +8,7 @@ use std::path::Path;
 
 use common::dataset;
 use serde_json::Value;
-use steps::succeeds;
+use steps::{go, succeeds};
 
 /// The row of one matcher in the scores of a run, without the times.
 fn scores(folder: &Path, run: &str, matcher: &str) -> Vec<(String, String)> {
@@ -127,4 +127,14 @@ fn what_comes_from_files_is_scored_again_by_the_command_that_the_report_prints()
         fs::read_to_string(folder.join("page/tables/scores.csv")).expect("it was written");
     assert_eq!(csv, reported);
     assert!(csv.contains(",5,"), "five of six pairs: {csv}");
+    // These files hold no matches that could be drawn.
+    for of_pictures in [["--pictures", "16"], ["--cache", "run/cache"]] {
+        let report = [&["report", "files"], &chosen[..], &of_pictures].concat();
+        let output = go(folder, &report);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.code() == Some(1) && said.contains("leave out --pictures and --cache"),
+            "{said}"
+        );
+    }
 }

@@ -116,11 +116,11 @@ pub(crate) struct ReportArgs {
     /// pairs, as many pictures as fit, and the tables as files that can be saved; `-` is standard output
     #[arg(long, value_name = "FILE.html", conflicts_with = "out")]
     pub bundle: Option<PathBuf>,
-    /// How many pairs of each dataset have pictures: in the page as many as fit, and in the folder pairs beside
-    /// it; `all` for every pair
-    #[arg(long, value_name = "N|all", default_value = "16", value_parser = number_or_all)]
-    pub pictures: usize,
-    /// Folder of the feature cache, from which keypoints are taken for pictures [default: RUN/cache]
+    /// Of a run: how many pairs of each dataset have pictures, in the page as many as fit, and in the folder pairs
+    /// beside it; `all` for every pair [default: 16]
+    #[arg(long, value_name = "N|all", value_parser = number_or_all)]
+    pub pictures: Option<usize>,
+    /// Of a run: folder of the feature cache, from which keypoints are taken for pictures [default: RUN/cache]
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
     #[command(flatten)]

@@ -24,11 +24,15 @@ pub(crate) fn run(args: &ReportArgs) -> Result<Ending> {
         "the report of a run scores all pairs of its own datasets; leave out --datasets, --pairs \
          and --preset"
     );
+    ensure!(
+        is_run || args.pictures.is_none() && args.cache.is_none(),
+        "the report of result files has no pictures of pairs, since they hold no matches; leave out --pictures and --cache"
+    );
     let options = ReportOptions {
         out: args.out.as_deref(),
         bundle: args.bundle.as_deref(),
         cache: args.cache.as_deref(),
-        pictures: args.pictures,
+        pictures: args.pictures.unwrap_or(ReportOptions::default().pictures),
     };
     if let Some(file) = args
         .bundle
