@@ -16,7 +16,7 @@ use super::dataset_facts::DatasetFacts;
 use super::latex;
 use super::markdown;
 use super::names::{defaults, references, title};
-use super::pair_words::when_pairs_fail;
+use super::pair_words::{when_pairs_fail, when_rows_fail};
 use super::score_words::{protocol_notes, protocols};
 
 /// A piece of text, or keys of papers.
@@ -123,7 +123,7 @@ fn pieces(content: &Content) -> Vec<Piece> {
     paragraph.say(format!(". The {estimated} is estimated by "));
     paragraph.list(estimators(content, plan.as_ref()));
     paragraph.say(". ");
-    scores(content, &mut paragraph);
+    scores(content, plan.as_ref(), &mut paragraph);
     random_choices(content, plan.as_ref(), &mut paragraph);
     paragraph.pieces
 }
@@ -307,13 +307,17 @@ fn differences(path: &str, value: &Value, default: &Value, found: &mut Vec<Strin
 }
 
 /// What is scored, and how certain scores are.
-fn scores(content: &Content, paragraph: &mut Paragraph) {
+fn scores(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragraph) {
     let of = |model| content.summaries.iter().any(|s| s.model == model);
     if of(Model::Pose) {
+        let protocols = protocols(&content.summaries);
         paragraph.say(format!(
             "{} The pose error is the larger of the angles of rotation and of (signed) translation; SP(k) is the \
              share of pairs below k degrees, and the AUC is the mean of SP(1) to SP(15). ",
-            when_pairs_fail(protocols(&content.summaries))
+            match plan {
+                Some(_) => when_pairs_fail(protocols),
+                None => when_rows_fail(protocols),
+            }
         ));
     }
     if of(Model::Homography) {
@@ -363,14 +367,17 @@ fn random_choices(content: &Content, plan: Option<&Plan>, paragraph: &mut Paragr
             ));
         }
     }
-    // The plan has every parameter. Those are named that the program which writes this would choose otherwise.
-    let whose = match plan {
-        Some(plan) if plan.version != THIS_VERSION => format!("matchbench {THIS_VERSION}"),
-        _ => "this version".to_owned(),
-    };
-    paragraph.say(format!(
-        " Parameters are the defaults of {whose} where none are named."
-    ));
+    // The plan has every parameter. Those are named that the program which writes this would choose otherwise. Of
+    // results of other programs none is known.
+    if let Some(plan) = plan {
+        let whose = match &*plan.version {
+            THIS_VERSION => "this version".to_owned(),
+            _ => format!("matchbench {THIS_VERSION}"),
+        };
+        paragraph.say(format!(
+            " Parameters are the defaults of {whose} where none are named."
+        ));
+    }
     for (name, fact) in &content.facts.facts {
         if name == TUNED {
             paragraph.say(format!(" {fact}."));
@@ -465,6 +472,25 @@ mod tests {
         let defaults = format!("defaults of matchbench {THIS_VERSION} where none");
         assert!(text.contains(&defaults), "{text}");
         assert!(bib(&content).contains(&noted("0.0.9")));
+    }
+
+    #[test]
+    fn of_results_of_other_programs_only_is_said_what_is_known() {
+        let mut content = content(&[("room", "sift", 6)]);
+        let text = plain(&content);
+        let row = "A row without a pose, or with fewer than 10 matches in front of both cameras, counts as failed. The pose error";
+        assert!(text.contains(row), "{text}");
+        let of_a_run = ["selected match", "Parameters are the defaults"];
+        assert!(of_a_run.iter().all(|said| !text.contains(said)), "{text}");
+        content.facts.plan = Some(
+            r#"{"version": "0.1.0", "settings": {"seed": 7, "repetitions": 1, "limit": null}, "datasets": [], "matchers": []}"#
+                .into(),
+        );
+        let text = plain(&content);
+        assert!(
+            of_a_run.iter().all(|said| text.contains(said)) && !text.contains(row),
+            "{text}"
+        );
     }
 
     #[test]

@@ -90,6 +90,24 @@ pub(super) fn when_pairs_fail<'p>(protocols: impl IntoIterator<Item = &'p Protoc
     sentences.join(" ")
 }
 
+/// When a row of a result file counts as failed, a sentence for each of these protocols. What the program did that wrote it
+/// is not known.
+pub(super) fn when_rows_fail<'p>(protocols: impl IntoIterator<Item = &'p Protocol>) -> String {
+    let sentence = |protocol: &Protocol| {
+        let row = if protocol.is_ours() {
+            "A row".to_owned()
+        } else {
+            format!("With the protocol {} a row", protocol.id)
+        };
+        format!(
+            "{row} without a pose, or with fewer than {} in front of both cameras, counts as failed.",
+            counted(protocol.min_support, "match")
+        )
+    };
+    let sentences: Vec<String> = protocols.into_iter().map(sentence).collect();
+    sentences.join(" ")
+}
+
 /// The number of correspondences, after a comma, if it is known.
 fn correspondences(pair: &PairResult) -> String {
     (pair.correspondences).map_or_else(String::new, |number| {
