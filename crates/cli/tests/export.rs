@@ -1,4 +1,4 @@
-//! What is exported of a run whose methods differ from dataset to dataset, or in what they estimate.
+//! What is exported of a run whose methods differ from dataset to dataset, or in what they estimate, and of a dataset.
 
 mod common;
 mod planes;
@@ -292,6 +292,27 @@ fn a_dataset_that_is_another_now_is_not_exported() {
         "0001.pgm is not the file that the run",
     );
     succeeds(folder, &export);
+}
+
+#[test]
+fn frames_that_are_not_written_are_not_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let wall = dataset(folder, "wall", 4);
+    let pairs = fs::read_to_string(wall.join("pairs.txt")).expect("it is there");
+    let of_three: String = (pairs.split_inclusive('\n'))
+        .filter(|line| line.split_whitespace().nth(1) != Some("3"))
+        .collect();
+    fs::write(wall.join("pairs.txt"), of_three).expect("writable");
+    let said = succeeds(
+        folder,
+        &["convert", "wall", "list", "--format", "superglue"],
+    );
+    let left_out = "Left out, since the layout has no place for it: 1 frame in no pair\n";
+    assert!(
+        said.starts_with("list: 3 frames, 3 pairs; ") && said.ends_with(left_out),
+        "{said}"
+    );
 }
 
 /// How many inliers of SIFT and an estimator are exported, and how many its records count.

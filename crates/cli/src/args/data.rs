@@ -91,8 +91,8 @@ Layouts:
   superglue  a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1
 
 Both can be imported again, as kinds of the same names. The COLMAP model has no points, so import
-it with a rule that needs none, such as --pairs all or --pairs list:OUT/pairs.txt. The images are
-not copied.
+it with a rule that needs none, such as --pairs all or --pairs list:OUT/pairs.txt. The list of
+SuperGlue has no frames that are in no pair, and no absolute poses. The images are not copied.
 
 Examples:
   matchbench convert castle castle-model --format colmap

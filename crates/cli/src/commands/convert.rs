@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::Result;
 use matchbench::counted::counted;
-use matchbench::datasets::{EXPORTS, Sequence, export, not_exported};
+use matchbench::datasets::{Export, Sequence, export};
 
 use crate::Ending;
 use crate::args::ConvertArgs;
@@ -12,26 +12,25 @@ use crate::output::{stdout, typed};
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Ending> {
     let sequence = Sequence::open(&args.dataset)?;
-    let root = export(&args.format, &sequence, &args.out)?;
-    let layout = EXPORTS.iter().find(|layout| layout.id == args.format);
-    let pairs = layout.and_then(|layout| layout.pairs);
+    let layout = Export::find(&args.format)?;
+    let root = export(layout.id, &sequence, &args.out)?;
     let mut out = stdout();
     writeln!(
         out,
         "{}: {}, {}; image names start from {}\nTo import it again: matchbench import {} {} NAME --image-root {}{}",
         args.out.display(),
-        counted(sequence.frames.len(), "frame"),
+        counted(layout.frames(&sequence), "frame"),
         counted(sequence.pairs.len(), "pair"),
         root.display(),
         args.format,
         typed(&args.out),
         typed(&root),
-        pairs.map_or_else(String::new, |file| format!(
+        layout.pairs.map_or_else(String::new, |file| format!(
             " --pairs list:{}",
             typed(&args.out.join(file))
         ))
     )?;
-    let lost = not_exported(&sequence);
+    let lost = layout.leaves_out(&sequence);
     if !lost.is_empty() {
         writeln!(
             out,

@@ -48,7 +48,7 @@ pub use decode::{decode_gray, gray_of_rgb, read_gray, read_size};
 pub use decode_error::{DecodeError, MAX_PIXELS, check_size, limit_pixels};
 pub use depth::{Depth, DepthFile, DepthUnit};
 pub use error::DatasetError;
-pub use exporters::{EXPORTS, Export, export, not_exported};
+pub use exporters::{EXPORTS, Export, export};
 pub use fingerprint::Whole;
 pub(crate) use importers::RENDERED;
 pub use importers::{

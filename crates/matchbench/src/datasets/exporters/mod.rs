@@ -5,6 +5,7 @@
 mod colmap;
 mod superglue;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::Camera;
@@ -23,6 +24,9 @@ pub struct Export {
     pub help: &'static str,
     /// The file in the folder that lists the pairs, where an import must be given it (`--pairs list:FILE`).
     pub pairs: Option<&'static str>,
+    /// Whether it is pairs alone that are written, with what belongs to them: then it has no frame that is in no pair, and
+    /// no pose but the relative ones.
+    pub is_of_pairs: bool,
     write: fn(&Sequence, &Path) -> Result<PathBuf, DatasetError>,
 }
 
@@ -33,15 +37,69 @@ pub const EXPORTS: &[Export] = &[
         help: "a folder with a COLMAP model as text (cameras, images, no points) and pairs.txt, for \
                COLMAP's matches importer",
         pairs: Some(colmap::PAIRS),
+        is_of_pairs: false,
         write: colmap::write,
     },
     Export {
         id: "superglue",
         help: "a file with SuperGlue's 38 columns per pair: names, turns, K, K, T_0to1",
         pairs: None,
+        is_of_pairs: true,
         write: superglue::write,
     },
 ];
+
+impl Export {
+    /// The layout with this id.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn find(id: &str) -> Result<&'static Self, DatasetError> {
+        let found = EXPORTS.iter().find(|export| export.id == id);
+        found.ok_or_else(|| {
+            let ids: Vec<_> = EXPORTS.iter().map(|export| export.id).collect();
+            let remedy = format!("use one of {}", ids.join(", "));
+            DatasetError::new(id, "no such layout", remedy)
+        })
+    }
+
+    /// How many frames of a dataset are written.
+    pub fn frames(&self, sequence: &Sequence) -> usize {
+        if !self.is_of_pairs {
+            return sequence.frames.len();
+        }
+        let paired: BTreeSet<u32> = (sequence.pairs.iter())
+            .flat_map(|pair| [pair.a, pair.b])
+            .collect();
+        paired.len()
+    }
+
+    /// What a dataset holds that this layout has no place for, in words.
+    pub fn leaves_out(&self, sequence: &Sequence) -> Vec<String> {
+        let unpaired = sequence.frames.len() - self.frames(sequence);
+        let count = |has: fn(&Frame) -> bool| sequence.frames.iter().filter(|f| has(f)).count();
+        let poses = if self.is_of_pairs {
+            count(|frame| frame.world_from_camera.is_some())
+        } else {
+            0
+        };
+        let depths = count(|frame| frame.depth.is_some());
+        let is_mapped = |pair: &&Pair| pair.homography().is_some();
+        let homographies = sequence.pairs.iter().filter(is_mapped).count();
+        let of =
+            |(what, number, of)| (number > 0).then(|| format!("{what} of {}", counted(number, of)));
+        let unpaired = (unpaired > 0).then(|| counted(unpaired, "frame") + " in no pair");
+        let others = [
+            ("the absolute pose", poses, "frame"),
+            ("the homography", homographies, "pair"),
+            ("the depth", depths, "frame"),
+        ];
+        unpaired
+            .into_iter()
+            .chain(others.into_iter().filter_map(of))
+            .collect()
+    }
+}
 
 /// Writes a dataset in the layout with this [`EXPORTS`] id as `out`, which must not exist. Returns the folder
 /// to which the image names in it are relative.
@@ -50,17 +108,7 @@ pub const EXPORTS: &[Export] = &[
 /// If there is no such layout, if it cannot express what the dataset holds, if an image cannot be read (the
 /// sizes are needed), or if `out` cannot be written.
 pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, DatasetError> {
-    let entry = EXPORTS
-        .iter()
-        .find(|export| export.id == layout)
-        .ok_or_else(|| {
-            let ids: Vec<_> = EXPORTS.iter().map(|export| export.id).collect();
-            DatasetError::new(
-                layout,
-                "no such layout",
-                format!("use one of {}", ids.join(", ")),
-            )
-        })?;
+    let entry = Export::find(layout)?;
     let place = place_of(out).map_err(|error| DatasetError::io(out, &error))?;
     if place.exists() {
         return Err(DatasetError::new(
@@ -70,23 +118,6 @@ pub fn export(layout: &str, sequence: &Sequence, out: &Path) -> Result<PathBuf, 
         ));
     }
     (entry.write)(sequence, out)
-}
-
-/// What a dataset holds that no layout has a place for, in words.
-pub fn not_exported(sequence: &Sequence) -> Vec<String> {
-    let is_mapped = |pair: &&Pair| pair.homography().is_some();
-    let homographies = sequence.pairs.iter().filter(is_mapped).count();
-    let depths = (sequence.frames.iter())
-        .filter(|frame| frame.depth.is_some())
-        .count();
-    [
-        ("the homography", homographies, "pair"),
-        ("the depth", depths, "frame"),
-    ]
-    .into_iter()
-    .filter(|(_, count, _)| *count > 0)
-    .map(|(what, count, of)| format!("{what} of {}", counted(count, of)))
-    .collect()
 }
 
 /// The camera of a frame for the pixels as stored, and their size.
@@ -132,7 +163,36 @@ fn cannot_say(frame: &Frame, what: &str) -> DatasetError {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
+
+    #[test]
+    fn what_is_left_out_depends_on_the_layout() {
+        let camera = Camera {
+            fx: 20.0,
+            fy: 20.0,
+            cx: 10.0,
+            cy: 10.0,
+            distortion: None,
+        };
+        let still = Isometry3::identity();
+        let frame = |number: u32| Frame::with_pose(format!("{number}.png"), camera, still);
+        let sequence = Sequence {
+            name: "room".into(),
+            frames: (0..5).map(frame).collect(),
+            pairs: [(0, 1), (1, 3)]
+                .map(|(a, b)| Pair::with_pose(a, b, still))
+                .into(),
+        };
+        let [colmap, superglue] = ["colmap", "superglue"].map(|id| Export::find(id).unwrap());
+        assert_eq!([colmap, superglue].map(|of| of.frames(&sequence)), [5, 3]);
+        assert!(colmap.leaves_out(&sequence).is_empty());
+        assert_eq!(
+            superglue.leaves_out(&sequence),
+            ["2 frames in no pair", "the absolute pose of 5 frames"]
+        );
+    }
 
     #[test]
     fn a_file_that_cannot_be_written_is_named_once() {
