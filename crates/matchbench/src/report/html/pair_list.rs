@@ -75,7 +75,7 @@ struct Method<'a> {
     rotation: Vec<i32>,
     /// For homographies: the corner error in hundredths of a pixel, instead of angles.
     #[serde(skip_serializing_if = "Option::is_none")]
-    corner: Option<Vec<i32>>,
+    corner: Option<Vec<Hundredths>>,
     translation: Vec<i32>,
     /// -1 if they were not counted.
     correspondences: Vec<i64>,
@@ -85,6 +85,24 @@ struct Method<'a> {
     failure: Vec<i8>,
     /// Pictures, by the number of the pair.
     pictures: BTreeMap<usize, Picture>,
+}
+
+/// An error in hundredths, as a whole number where one can hold it: such a number takes fewer bytes. -1 if there is none.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Hundredths {
+    Whole(i32),
+    Large(f64),
+}
+
+impl Hundredths {
+    fn of(error: Option<f64>) -> Self {
+        match error.map(|error| (error * 100.0).round()) {
+            None => Self::Whole(-1),
+            Some(large) if large > f64::from(i32::MAX) => Self::Large(large.min(f64::MAX)),
+            Some(whole) => Self::Whole(whole as i32),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -317,12 +335,14 @@ impl Listed<'_> {
 impl Method<'_> {
     /// Adds its result of the next pair, or that there is none.
     fn push(&mut self, pair: Option<&PairResult>) {
-        let hundredths = |error: Option<f64>| error.map_or(-1, |e| (e * 100.0).round() as i32);
-        let angle = |angle| hundredths(pair.and_then(|pair| pair.error(angle)));
+        let angle = |angle| {
+            let error = pair.and_then(|pair| pair.error(angle));
+            error.map_or(-1, |error| (error * 100.0).round() as i32)
+        };
         self.rotation.push(angle(Angle::Rotation));
         self.translation.push(angle(Angle::Translation));
         if let Some(corner) = &mut self.corner {
-            corner.push(hundredths(pair.and_then(PairResult::corner_error)));
+            corner.push(Hundredths::of(pair.and_then(PairResult::corner_error)));
         }
         let counted = |number: Option<u32>| number.map_or(-1, i64::from);
         let correspondences = pair.and_then(|pair| pair.correspondences);
@@ -363,6 +383,7 @@ fn rounded(value: f64) -> f32 {
 mod tests {
     use super::super::super::tests::content;
     use super::*;
+    use crate::metrics::{Deviation, Summary};
 
     #[test]
     fn names_cannot_end_the_script_and_columns_are_as_long() {
@@ -394,6 +415,22 @@ mod tests {
         assert_eq!(correspondences[0], -1);
         assert!(correspondences[1].as_i64() > Some(0), "{correspondences}");
         assert_eq!(correspondences[9], 0);
+    }
+
+    #[test]
+    fn corner_errors_of_any_size_are_what_they_are() {
+        let mut content = content(&[("room", "sift", 6)]);
+        let errors = [Some(0.25), Some(3e7), Some(1e20), Some(f64::MAX), None];
+        content.results[0].pairs.truncate(errors.len());
+        for (pair, error) in content.results[0].pairs.iter_mut().zip(errors) {
+            pair.model = Model::Homography;
+            pair.outcome = Ok(Deviation::Corners(error));
+        }
+        let summaries = [Summary::new(&content.results[0])];
+        let text = data(&content, &Overview::new(&summaries), &Extent::default());
+        let value: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+        let corner = &value["datasets"][0]["methods"][0]["corner"];
+        assert_eq!(*corner, serde_json::json!([25, 3e9, 1e22, f64::MAX, -1]));
     }
 
     #[test]
