@@ -61,6 +61,8 @@ pub(super) const DASHES: usize = PATTERNS.len();
 /// larger text than others.
 const LARGEST: f64 = 1.3;
 
+/// Room beside the title of a file.
+const TITLE: f64 = 12.0;
 /// Names longer than this are cut.
 const NAME: usize = 26;
 const INK: &str = "#222222";
@@ -97,8 +99,9 @@ pub(super) fn shorten(name: &str) -> String {
 }
 
 /// The opening tag of a figure of this size, and its title for screen readers. A file also gets a background
-/// and a visible title.
+/// and a visible title, and is as wide as this needs.
 fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f64), title: &str) {
+    let needed = 2.0 * TITLE + width_of_line(title);
     let title = escape(title);
     match target {
         Target::Page => {
@@ -113,6 +116,7 @@ fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f6
             );
         }
         Target::File => {
+            let width = width.max(needed.ceil());
             let _ = writeln!(
                 svg,
                 r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-family="DejaVu Sans, Verdana, sans-serif">"#
@@ -122,9 +126,20 @@ fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f6
                 svg,
                 r##"<rect width="{width}" height="{height}" fill="#ffffff"/>"##
             );
-            text(svg, "ink", (12.0, 20.0), "start", &title);
+            text(svg, "ink", (TITLE, 20.0), "start", &title);
         }
     }
+}
+
+/// Width that a line of text needs at most in DejaVu Sans, in user units.
+fn width_of_line(line: &str) -> f64 {
+    let width = |c: char| match c {
+        ' ' | '!' | '\'' | '(' | ')' | ',' | '-' | '.' | '/' | ':' | ';' | '[' | ']' | '|'
+        | 'I' | 'f' | 'i' | 'j' | 'l' | 'r' | 't' => 4.6,
+        'a'..='v' | 'x'..='z' | '0'..='9' | '_' if c != 'm' => 7.0,
+        _ => 11.0,
+    };
+    line.chars().map(width).sum()
 }
 
 /// Width needed for the longest of the names, in user units.
@@ -226,6 +241,25 @@ mod tests {
         // Pictures fill the place of their images.
         assert!(!opening("pair", Target::Page).contains("style"));
         assert!(!opening("chart heat", Target::File).contains("style"));
+    }
+
+    #[test]
+    fn a_file_is_as_wide_as_its_title() {
+        let opening = |target, title: &str| {
+            let mut svg = String::new();
+            open(&mut svg, target, "chart lead", (200.0, 100.0), title);
+            svg
+        };
+        assert!(opening(Target::File, "room").contains(r#"width="200" height="100""#));
+        // Of the title, not of what it is escaped to.
+        let title = "kitchen & hall (190 pairs, each 5 times, adaptive)";
+        let wide = opening(Target::File, title);
+        let tags = [
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="330" height="100" viewBox="0 0 330 100""#,
+            r#"<rect width="330" height="100""#,
+        ];
+        assert!(tags.iter().all(|tag| wide.contains(tag)), "{wide}");
+        assert!(opening(Target::Page, title).contains(r#"viewBox="0 0 200 100""#));
     }
 
     #[test]
