@@ -143,28 +143,35 @@ struct Hloc {
 /// A file of keypoints.
 struct Features {
     file: Hdf5,
-    /// The group of each image, by its name as it stands in names of pairs.
-    groups: BTreeMap<String, String>,
+    /// The groups of images, by the name that stands for them in names of pairs: there `x/1.png` and `x-1.png` are one.
+    groups: BTreeMap<String, Vec<String>>,
 }
 
 impl Features {
     fn new(file: Hdf5, arrays: &[String]) -> Self {
-        let groups = groups(arrays, "keypoints");
-        let groups = groups.map(|group| (group.replace('/', "-"), group.to_owned()));
+        let mut of_names = BTreeMap::<_, Vec<_>>::new();
+        for group in groups(arrays, "keypoints") {
+            let of_name = of_names.entry(group.replace('/', "-")).or_default();
+            of_name.push(group.to_owned());
+        }
         Self {
-            groups: groups.collect(),
+            groups: of_names,
             file,
         }
     }
 
-    /// The groups of both images of a pair, however its name can be split; none where it is longer than two paths.
+    /// The groups of both images of a pair, however its name can be split, and whichever groups each part stands for; none
+    /// where it is longer than two paths.
     fn of_pair(&self, pair: &str) -> impl Iterator<Item = [&str; 2]> {
-        let group = |name: &str| self.groups.get(name).map(String::as_str);
+        let groups = |name: &str| self.groups.get(name).map(Vec::as_slice);
         // Once, and not for each split.
         let dashed = pair.replace('/', "-");
-        splits(pair, separator(pair)).filter_map(move |[a, _]| {
+        let both = splits(pair, separator(pair)).filter_map(move |[a, _]| {
             let [a, b] = [&dashed[..a.len()], &dashed[a.len() + 1..]];
-            Some([group(a)?, group(b)?])
+            Some((groups(a)?, groups(b)?))
+        });
+        both.flat_map(|(of_a, of_b)| {
+            (of_a.iter()).flat_map(|a| of_b.iter().map(move |b| [&**a, &**b]))
         })
     }
 }
@@ -276,10 +283,17 @@ mod tests {
         let mut out = Hdf5Out::default();
         out.integers("none".into(), &[1], &[0]);
         out.write(&path).unwrap();
-        let images = ["db/1.jpg", "q-2.jpg", &"n/".repeat(2048), &"n".repeat(4097)];
+        let images = [
+            "db/1.jpg",
+            "q-2.jpg",
+            &"n/".repeat(2048),
+            &"n".repeat(4097),
+            "x/1.jpg",
+            "x-1.jpg",
+        ];
         let arrays = images.map(|image| format!("{image}/keypoints"));
         let features = Features::new(Hdf5::open(&path).unwrap(), &arrays);
-        let [one, two, long, longer] = images;
+        let [one, two, long, longer, slashed, dashed] = images;
         for (pair, of_pair) in [
             ("db-1.jpg/q-2.jpg".to_owned(), vec![[one, two]]),
             ("db/1.jpg/q/2.jpg".to_owned(), vec![[one, two]]),
@@ -288,6 +302,10 @@ mod tests {
             (format!("{}/{}", &longer[2..], &long[1..]), Vec::new()),
             (format!("{long}/q-2.jpg"), vec![[long, two]]),
             (format!("{longer}/{longer}"), Vec::new()),
+            (
+                "x-1.jpg/q-2.jpg".to_owned(),
+                vec![[slashed, two], [dashed, two]],
+            ),
         ] {
             assert!(features.of_pair(&pair).eq(of_pair), "{pair:.40}");
         }

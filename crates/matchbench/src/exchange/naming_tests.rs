@@ -205,3 +205,38 @@ fn a_joined_name_is_split_as_the_file_of_keypoints_says() {
         assert!(several.contains(&ways), "{id}: {several}");
     }
 }
+
+/// In names of pairs `-` stands for `/`, so images of two names may have one there.
+#[test]
+fn hlocs_pairs_do_not_take_keypoints_of_one_image_for_those_of_another() {
+    let (folder, mut sequence) = dataset();
+    sequence.pairs.truncate(1);
+    let own = folder.path().join("own");
+    fs::create_dir_all(own.join("x")).unwrap();
+    for (frame, name) in sequence.frames.iter_mut().zip(["x/1.png", "y.png"]) {
+        frame.image = own.join(name);
+        GrayImage::new(400, 300).save(&frame.image).unwrap();
+    }
+    for (number, pair) in ["x-1.png/y.png", "x-1.png_y.png"].into_iter().enumerate() {
+        let read = |images: &[&str]| {
+            let files = (folder.path()).join(format!("dashes {number} {}", images.len()));
+            fs::create_dir(&files).unwrap();
+            let (mut keypoints, mut matches) = (Hdf5Out::default(), Hdf5Out::default());
+            for (x, image) in (0..).zip(images) {
+                let points = [10.0 + 100.0 * x as f32, 20.0];
+                keypoints.floats(format!("{image}/keypoints"), &[1, 2], &points);
+            }
+            matches.integers(format!("{pair}/matches0"), &[1], &[0]);
+            keypoints.write(&files.join("keypoints.h5")).unwrap();
+            matches.write(&files.join("matches.h5")).unwrap();
+            let found = open(&files, &sequence, None).map_err(|error| error.to_string())?;
+            let points = found.matches(0, 1).map_err(|error| error.to_string())?;
+            let points = points.unwrap().points;
+            Ok::<_, String>([points.a[0].x, points.b[0].x])
+        };
+        assert_eq!(read(&["y.png", "x/1.png"]), Ok([110.0, 10.0]), "{pair}");
+        let several = read(&["y.png", "x/1.png", "x-1.png"]).unwrap_err();
+        let ways = ["x-1.png", "x/1.png"].map(|image| format!("the pair `{image}` and `y.png`"));
+        assert!(ways.iter().all(|way| several.contains(way)), "{several}");
+    }
+}
