@@ -8,15 +8,18 @@
 #[cfg(test)]
 mod tests;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use hdf5_reader::group::Group;
 use hdf5_reader::storage::{BytesStorage, DynStorage, FileStorage};
-use hdf5_reader::{ByteOrder, DEFAULT_MAX_CHUNK_BYTES, Datatype, Hdf5File as Reader, OpenOptions};
+use hdf5_reader::{
+    ByteOrder, DEFAULT_MAX_CHUNK_BYTES, Dataset, Datatype, Hdf5File as Reader, OpenOptions,
+};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
 
 use super::ArrayError;
@@ -38,6 +41,8 @@ const DEEPEST: usize = 24;
 /// The most bytes of an array for each byte of its file. Deflate, the strongest filter in use, makes up to 1032 of one.
 /// Without this limit, an array of which nothing is stored could claim any shape, and all of it would be filled.
 const MAX_GROWTH: u64 = 1100;
+/// The bytes to which the arrays of any file may be decoded beside that: chunks may be larger than what is in them.
+const SMALL_CHUNKS: u64 = 16 << 20;
 
 /// The most bytes that are read of a file to list its groups, for each of its bytes and beside these: parts of a hostile
 /// file can belong to many groups.
@@ -50,6 +55,16 @@ pub(crate) struct Hdf5 {
     file: Reader,
     storage: Arc<Metered>,
     /// Its size.
+    bytes: u64,
+    decoded: Mutex<Decoded>,
+}
+
+/// What was decoded of a file.
+#[derive(Default)]
+struct Decoded {
+    /// Hashes of the paths of the arrays. One may be read often, as is that of an image with many pairs, and counts once.
+    arrays: HashSet<u64>,
+    /// The bytes of them all, with all of each chunk.
     bytes: u64,
 }
 
@@ -118,6 +133,7 @@ impl Hdf5 {
             file,
             storage,
             bytes: length,
+            decoded: Mutex::default(),
         })
     }
 
@@ -243,12 +259,38 @@ impl Hdf5 {
                     self.bytes
                 ));
             }
+            self.count(path, decoded_bytes(&dataset, claimed as u64)?)?;
             let bytes = dataset
                 .read_raw_bytes()
                 .map_err(|error| error.to_string())?;
             Array::new(shape, element, bytes)
         };
         decoded(array).map_err(|what| self.damaged(what).of(path))
+    }
+
+    /// Counts the `bytes` to which the array at `path` is to be decoded, unless it was before.
+    fn count(&self, path: &str, bytes: u64) -> Result<(), String> {
+        let mut hasher = DefaultHasher::new();
+        path.hash(&mut hasher);
+        let array = hasher.finish();
+        // A number and a set are never left half changed.
+        let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
+        if decoded.arrays.contains(&array) {
+            return Ok(());
+        }
+        let before = decoded.bytes;
+        let most = (self.bytes.saturating_mul(MAX_GROWTH)).saturating_add(SMALL_CHUNKS);
+        if before.saturating_add(bytes) > most {
+            return Err(format!(
+                "its chunks are {}, beside {before} of the arrays that were read before; that is more than a file of {} \
+                 can hold",
+                counted(bytes, "byte"),
+                self.bytes
+            ));
+        }
+        decoded.bytes += bytes;
+        decoded.arrays.insert(array);
+        Ok(())
     }
 
     fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
@@ -302,6 +344,21 @@ impl Found {
             .ok_or_else(|| "the paths of its groups and arrays are too long".to_owned())?;
         Ok(())
     }
+}
+
+/// The bytes to which an array that has so many is decoded: where it is stored in chunks, each is decoded whole, however
+/// little of it belongs to the array.
+fn decoded_bytes(array: &Dataset, claimed: u64) -> Result<u64, String> {
+    let Some(sides) = array.chunks() else {
+        return Ok(claimed);
+    };
+    let element = array.raw_element_size();
+    let element = element.map_err(|error| error.to_string())? as u64;
+    let of_each = (array.shape().iter().zip(sides)).map(|(&side, chunk)| {
+        let chunk = u64::from(chunk.max(1));
+        side.div_ceil(chunk).saturating_mul(chunk)
+    });
+    Ok(of_each.fold(element, u64::saturating_mul))
 }
 
 fn element(datatype: &Datatype) -> Option<Element> {

@@ -131,6 +131,68 @@ fn an_array_that_claims_more_than_its_file_can_hold_is_refused() {
     assert!(read(&[1 << 40, 1 << 40]).is_err());
 }
 
+/// One array of bytes in this shape and chunks of that one, of which none was written, under so many names.
+fn chunked(shape: [u64; 2], chunk: [u32; 2], names: usize) -> Vec<u8> {
+    let to = HEAD + group(&vec![0; names]).len() as u64;
+    let sides = shape.iter().flat_map(|side| side.to_le_bytes());
+    let of_chunk = chunk.iter().chain(&[1]).flat_map(|side| side.to_le_bytes());
+    let space = [1, 2, 0, 0, 0, 0, 0, 0].into_iter();
+    let layout = [3, 2, 3].into_iter().chain([0xff; 8]).chain(of_chunk);
+    let array = object(&[
+        message(1, &space.chain(sides).collect::<Vec<u8>>()),
+        message(3, &[0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 8, 0]),
+        message(8, &layout.collect::<Vec<u8>>()),
+    ]);
+    file_of(&[group(&vec![to; names]), array])
+}
+
+#[test]
+fn chunks_that_are_more_than_a_file_can_hold_are_refused() {
+    let open = |shape, chunk, names| {
+        let file = Hdf5::of_bytes(Path::new("m.h5"), chunked(shape, chunk, names)).unwrap();
+        assert_eq!(file.arrays().unwrap().len(), names);
+        file
+    };
+    let read = |shape, chunk| (open(shape, chunk, 1).array("a")).map(|array| array.len());
+    // As programs make them of few values where there may be more one day.
+    for chunk in [[1024, 2], [1 << 20, 4], [1, 2]] {
+        assert_eq!(read([20, 2], chunk).unwrap(), 40);
+    }
+    assert_eq!(read([0, 2], [1 << 31, 2]).unwrap(), 0);
+    for (shape, chunk) in [
+        ([20, 2], [1, 1 << 26]),
+        ([1, 2], [1, 1 << 26]),
+        ([20, 2], [u32::MAX, u32::MAX]),
+    ] {
+        let error = read(shape, chunk).unwrap_err().what();
+        assert!(error.contains("more than a file of"), "{error}");
+    }
+    // Each could be there, but not all; one may be read again.
+    let file = open([1, 2], [1, 4 << 20], 20);
+    for _ in 0..20 {
+        assert_eq!(file.array("a").unwrap().len(), 2);
+    }
+    let read = ('a'..='t').filter(|name| file.array(&name.to_string()).is_ok());
+    assert_eq!(read.collect::<String>(), "abcd");
+}
+
+#[test]
+fn an_array_that_is_smaller_than_its_chunk_is_read() {
+    let points = [1.5_f32, 2.0, -0.25, 3e7];
+    let mut out = Hdf5Out::default();
+    for name in ["x/keypoints", "y/keypoints"] {
+        let array = DatasetBuilder::typed_data(name, vec![2, 2], &points).unwrap();
+        out.add(array.chunked([1024, 2]).max_shape([u64::MAX, 2]));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.h5");
+    out.write(&path).unwrap();
+    let file = Hdf5::open(&path).unwrap();
+    for name in file.arrays().unwrap() {
+        assert_eq!(file.array(&name).unwrap().to_vec(), points.map(f64::from));
+    }
+}
+
 #[test]
 fn groups_that_links_multiply_are_refused_in_time() {
     let folder = tempfile::tempdir().unwrap();
