@@ -67,6 +67,13 @@ pub(super) fn read_array(file: &mut impl Read, most_bytes: u64) -> Result<Array,
     }
 }
 
+/// How many elements the header of an array of numbers says it has, and how many bytes each of them.
+pub(super) fn stated_elements(file: &mut impl Read) -> Option<[u64; 2]> {
+    let Header { element, shape, .. } = read_header(file).ok()?;
+    let size = element.size as u64;
+    Some([bytes_of(&shape, element)? / size, size])
+}
+
 /// What the header of an array of numbers says of its shape.
 pub(super) fn stated_shape(file: &mut impl Read) -> Option<Vec<usize>> {
     read_header(file).ok().map(|header| header.shape)

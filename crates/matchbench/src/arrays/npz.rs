@@ -11,7 +11,7 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use super::ArrayError;
 use super::array::{Array, MAX_BYTES};
-use super::npy::{header, read_array, stated_shape};
+use super::npy::{header, read_array, stated_elements, stated_shape};
 use crate::files::open_file;
 
 /// The most members of an archive, since each name is kept in memory.
@@ -57,11 +57,12 @@ impl Npz {
         &self.path
     }
 
-    /// How many bytes the archive says that all arrays together have.
-    pub(crate) fn stated_bytes(&mut self) -> u64 {
-        let sizes = (0..self.zip.len())
-            .map(|index| self.zip.by_index_raw(index).map_or(0, |file| file.size()));
-        sizes.fold(0, u64::saturating_add)
+    /// How many elements each array of numbers says it has, and how many bytes each of them.
+    pub(crate) fn stated_elements(&mut self) -> Vec<[u64; 2]> {
+        let members = 0..self.zip.len();
+        members
+            .filter_map(|index| stated_elements(&mut self.zip.by_index(index).ok()?))
+            .collect()
     }
 
     /// Names of the arrays.
@@ -166,6 +167,7 @@ mod tests {
         assert_eq!(archive.names(), ["a", "n"]);
         assert_eq!(archive.stated_shape("a"), Some(vec![3, 2]));
         assert_eq!(archive.stated_shape("c"), None);
+        assert_eq!(archive.stated_elements(), [[6, 4], [2, 8]]);
         let a = archive.array("a").unwrap();
         assert_eq!(a.rows(2), Ok(3));
         assert_eq!(a.to_vec(), numbers.map(f64::from));

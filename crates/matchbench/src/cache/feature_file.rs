@@ -35,17 +35,21 @@ const WORDS: u8 = 2;
 
 /// The file that holds `features` under `key`.
 pub(super) fn to_bytes(features: &Features, key: Key) -> Vec<u8> {
-    let mut file = Vec::new();
-    file.extend(MAGIC);
-    file.extend(key.0);
-    for number in [features.size.width, features.size.height, features.len()] {
-        file.extend((number as u64).to_le_bytes());
-    }
     let (layout, width) = match &features.descriptors {
         Descriptors::Float(rows) if rows.data().iter().all(|&x| is_byte(x)) => (BYTES, rows.dim()),
         Descriptors::Float(rows) => (FLOATS, rows.dim()),
         Descriptors::Binary(rows) => (WORDS, rows.bits()),
     };
+    let frame = features.frames.as_ref().map_or(0, |_| FRAME);
+    let beside = row_bytes(layout, width).and_then(|row| row.checked_add(frame));
+    let length = beside.and_then(|beside| reader::length(HEAD, features.len(), beside));
+    // At once: a file that doubles as it grows takes up to three times its length.
+    let mut file = Vec::with_capacity(length.expect("features are less than memory") as usize);
+    file.extend(MAGIC);
+    file.extend(key.0);
+    for number in [features.size.width, features.size.height, features.len()] {
+        file.extend((number as u64).to_le_bytes());
+    }
     file.push(layout);
     file.extend((width as u64).to_le_bytes());
     file.push(u8::from(features.frames.is_some()));
@@ -99,20 +103,24 @@ impl Head {
         let [has_frames @ 0..=1] = reader.array()? else {
             return None;
         };
-        let row = match layout {
-            FLOATS => width.checked_mul(4)?,
-            BYTES => width,
-            WORDS => width.div_ceil(64).checked_mul(8)?,
-            _ => return None,
-        };
         Some(Self {
             size,
             count,
             layout,
             width,
-            row,
+            row: row_bytes(layout, width)?,
             has_frames: has_frames == 1,
         })
+    }
+}
+
+/// Bytes of a descriptor of so many values or bits.
+fn row_bytes(layout: u8, width: usize) -> Option<usize> {
+    match layout {
+        FLOATS => width.checked_mul(4),
+        BYTES => Some(width),
+        WORDS => width.div_ceil(64).checked_mul(8),
+        _ => None,
     }
 }
 
@@ -215,6 +223,7 @@ mod tests {
             let file = to_bytes(&features, KEY);
             let head = file.first_chunk().expect("it is longer");
             assert_eq!(length(head, KEY), Some(file.len() as u64));
+            assert_eq!(file.capacity(), file.len(), "its memory never grew");
             assert_eq!(length(head, Key([8; 32])), None);
             let back = from_bytes(&file, KEY).expect("the file is whole");
             assert_eq!(back, features);

@@ -31,16 +31,26 @@ const LARGEST_ANGLE: f32 = TAU + 0.01;
 /// Arrays that are known.
 const KNOWN: [&str; 5] = ["keypoints", "descriptors", "scales", "angles", "scores"];
 
-/// Memory for the features in this file. An array is held as it is stored, as numbers, and as it is saved, and searches
-/// keep less than that once more.
+/// Memory for the features in this file, from when they are read until they are saved.
 ///
 /// # Errors
 /// If there is not so much.
 pub(super) fn memory_for(path: &Path) -> Result<Option<Reserved<'static>>, TooMuch> {
+    needed_for(path).map(reserve).transpose()
+}
+
+/// The bytes that the features in this file take. An array is held as it is stored, as numbers (`f32`, whatever the file
+/// has), and as it is saved, where bytes may be bytes again; and searches keep less than these numbers once more.
+fn needed_for(path: &Path) -> Option<usize> {
+    const NUMBER: u64 = size_of::<f32>() as u64;
     // What is wrong with the file shows when it is read.
-    let stated = Npz::open(path).ok().map(|mut file| file.stated_bytes());
-    let needed = stated.map(|bytes| usize::try_from(bytes.saturating_mul(4)).unwrap_or(usize::MAX));
-    needed.map(reserve).transpose()
+    let stated = Npz::open(path).ok()?.stated_elements();
+    let needed = stated.into_iter().map(|[elements, stored]| {
+        let saved = if stored == 1 { 1 } else { NUMBER };
+        elements.saturating_mul(stored + NUMBER + saved + NUMBER)
+    });
+    let needed = needed.fold(0, u64::saturating_add);
+    Some(usize::try_from(needed).unwrap_or(usize::MAX))
 }
 
 /// Reads the `count` features of an image of this size.
@@ -184,6 +194,24 @@ mod tests {
         let path = folder.path().join("x.npz");
         write_npz(&path, arrays);
         read_features(&path, count, SIZE, 0.5, hamming)
+    }
+
+    #[test]
+    fn memory_is_asked_for_numbers_however_few_bytes_they_are_stored_in() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.npz");
+        let needed = |descr: &str, size: usize| {
+            let rows = npy(descr, "(100, 50)", &vec![1; 5000 * size]);
+            write_npz(&path, &[("descriptors", rows)]);
+            needed_for(&path).unwrap()
+        };
+        // Stored, as `f32`, as saved, and what searches keep.
+        assert_eq!(needed("|u1", 1), 5000 * (1 + 4 + 1 + 4));
+        assert_eq!(needed("<f2", 2), 5000 * (2 + 4 + 4 + 4));
+        assert_eq!(needed("<f4", 4), 5000 * (4 + 4 + 4 + 4));
+        assert_eq!(needed("<f8", 8), 5000 * (8 + 4 + 4 + 4));
+        std::fs::write(&path, "no archive").unwrap();
+        assert_eq!(needed_for(&path), None);
     }
 
     #[test]

@@ -19,6 +19,7 @@ use super::strikes::{STRIKES, Strikes};
 use super::worker::{Fault, Identity, Worker};
 use crate::files::TemporaryFolder;
 use crate::matchers::Cancel;
+use crate::memory::Reserved;
 
 /// A matcher from outside, ready to be asked from any number of threads; at most
 /// [`Manifest::workers`] are answered at once, the others wait. Dropping it ends its processes.
@@ -197,6 +198,14 @@ impl External {
     /// # Errors
     /// If there are none that can be used, or the matcher answers matches.
     pub fn describe(&self, image: Image<'_>) -> Result<Described, Breakdown> {
+        Ok(self.describe_to_save(image)?.0)
+    }
+
+    /// The same, with the memory that is reserved for the features until they are saved.
+    pub(super) fn describe_to_save(
+        &self,
+        image: Image<'_>,
+    ) -> Result<(Described, Option<Reserved<'static>>), Breakdown> {
         let Kind::Features(matching) = self.manifest.kind else {
             return Err(Breakdown::Said("it describes no images".into()));
         };
@@ -213,17 +222,18 @@ impl External {
                 device,
                 ..
             } => {
-                let _memory = memory_for(&out).map_err(|missing| {
+                let memory = memory_for(&out).map_err(|missing| {
                     Fault::Said(format!(
                         "its features are too many: {missing}; let it find fewer, free memory, or set \
                          MATCHBENCH_MAX_MEMORY"
                     ))
                 })?;
                 let center = self.identity.pixel_center;
-                Ok(Described {
+                let described = Described {
                     features: read_features(&out, count, image.size, center, matching.hamming)?,
                     times: Times::new(wall, seconds, device)?,
-                })
+                };
+                Ok((described, memory))
             }
             _ => Err(Fault::unasked()),
         })

@@ -246,7 +246,7 @@ impl Described {
         let (features, times) = if let Some(features) = self.cache.load(key) {
             (features, None)
         } else {
-            let described = self.external.describe(image(&path)?)?;
+            let (described, _until_saved) = self.external.describe_to_save(image(&path)?)?;
             // A cache that cannot be written costs time and no result.
             if let Err(error) = self.cache.save(key, &described.features) {
                 lock(&self.unkept).push(error.to_string());
