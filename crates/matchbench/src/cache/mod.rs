@@ -10,6 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::features::{Features, Keypoint};
+use matchbench_vision::image::Size;
 
 pub use key::Key;
 
@@ -28,6 +29,21 @@ pub enum SaveError {
     /// The file cannot be written: the disk is full, the folder belongs to somebody else ...; the error names it.
     #[error("{0}")]
     Unwritable(io::Error),
+}
+
+/// How far outside its image a feature may lie, in pixels: detectors interpolate.
+const OUTSIDE: f32 = 1.0;
+
+/// Whether features that were kept can be those of an image of this size. A cache can be another person's.
+pub(crate) fn are_of(features: &Features, size: Size) -> bool {
+    features.size == size && lie_in(&features.keypoints, size)
+}
+
+/// Whether keypoints that were kept can be those of an image of this size.
+pub(crate) fn lie_in(keypoints: &[Keypoint], size: Size) -> bool {
+    let within = |x: f32, length: usize| x >= -OUTSIDE && x <= length as f32 - 1.0 + OUTSIDE;
+    let mut places = keypoints.iter().map(|keypoint| keypoint.at);
+    places.all(|at| within(at.x, size.width) && within(at.y, size.height))
 }
 
 /// A folder of features. Any number of runs may use one folder at the same time. It can be deleted when no run
@@ -122,7 +138,6 @@ mod tests {
     use std::fs;
 
     use matchbench_vision::features::{DescriptorKind, Descriptors};
-    use matchbench_vision::image::Size;
 
     use super::*;
 

@@ -114,6 +114,20 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
     .map_err(|error| error.in_file(path))
 }
 
+/// Size of the image in `bytes`, from its header alone.
+///
+/// # Errors
+/// If it is not that of an image.
+pub(crate) fn size_of_image(bytes: &[u8]) -> Result<Size, DecodeError> {
+    decoded(|| {
+        if bytes.starts_with(&JPEG_MAGIC) {
+            jpeg_header(Cursor::new(bytes)).map(|decoder| jpeg_size(&decoder))
+        } else {
+            size_of_other(Cursor::new(bytes))
+        }
+    })
+}
+
 /// Decodes the image in `bytes`.
 ///
 /// # Errors

@@ -44,6 +44,7 @@ mod write;
 pub use camera_model::{CameraModelError, camera_of_model};
 pub use cameras::camera_problems;
 pub use colour::{decode_planes, read_planes};
+pub(crate) use decode::size_of_image;
 pub use decode::{decode_gray, gray_of_rgb, read_gray, read_size};
 pub use decode_error::{DecodeError, MAX_PIXELS, check_size, limit_pixels};
 pub use depth::{Depth, DepthFile, DepthUnit};

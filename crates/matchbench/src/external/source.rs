@@ -20,7 +20,7 @@ use super::answer::{Matched, Times};
 use super::manifest::{Kind, Matching};
 use super::pool::{Breakdown, External, Image};
 use super::process::lock;
-use crate::cache::{FeatureCache, Key};
+use crate::cache::{FeatureCache, Key, are_of};
 use crate::datasets::read_size;
 use crate::files::read_file;
 use crate::matchers::{
@@ -243,10 +243,13 @@ impl Described {
             SourceError::Pair(format!("cannot read {}: {error}", path.display()))
         })?;
         let key = Key::new(&file, 0, &self.extraction);
-        let (features, times) = if let Some(features) = self.cache.load(key) {
+        let image = image(&path)?;
+        let kept = self.cache.load(key);
+        let kept = kept.filter(|features| are_of(features, image.size));
+        let (features, times) = if let Some(features) = kept {
             (features, None)
         } else {
-            let (described, _until_saved) = self.external.describe_to_save(image(&path)?)?;
+            let (described, _until_saved) = self.external.describe_to_save(image)?;
             // A cache that cannot be written costs time and no result.
             if let Err(error) = self.cache.save(key, &described.features) {
                 lock(&self.unkept).push(error.to_string());
@@ -301,5 +304,81 @@ mod tests {
         assert_eq!(take("d", 10), "acd");
         assert_eq!(take("e", 1000), "e", "more than may be kept, but in use");
         assert_eq!(take("f", 1), "f");
+    }
+
+    /// A program in the language of the shell that finds one feature, and notes that it was asked.
+    #[cfg(unix)]
+    const PROGRAM: &str = r#"
+field() { printf '%s' "$line" | sed "s/.*\"$1\":\"\([^\"]*\)\".*/\1/"; }
+while read -r line; do
+    case $line in
+    *hello*) echo '{"type":"ready","protocol":1,"name":"x","version":"1","pixel_center":0}' ;;
+    *describe*)
+        echo asked >>asked
+        cp one.npz "$(field out)"
+        echo '{"type":"described","image":"'"$(field image)"'","count":1}'
+        ;;
+    esac
+done
+"#;
+
+    #[cfg(unix)] // `sh`
+    #[test]
+    fn what_is_kept_of_another_image_is_described_anew() {
+        use std::fs;
+
+        use matchbench_vision::image::Size;
+
+        use crate::arrays::testing::{floats, write_npz};
+        use crate::external::{BuiltIn, Log, Manifest};
+
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let points = ("keypoints", floats("(1, 2)", &[3.0, 4.0]));
+        let rows = ("descriptors", floats("(1, 2)", &[1.0, 2.0]));
+        write_npz(&at("one.npz"), &[points, rows]);
+        fs::write(at("x.sh"), PROGRAM).unwrap();
+        let text = "name = 'x'\ncommand = ['sh', 'x.sh']\nkind = 'features'\n";
+        let manifest = Manifest::parse(&at("x.toml"), text, &BuiltIn::default()).unwrap();
+        let external = External::start(manifest, Log::open(&at("x.log")).unwrap()).unwrap();
+        let pixels = [b"P5 8 6 255\n".to_vec(), vec![0; 48]].concat();
+        fs::write(at("image.pgm"), &pixels).unwrap();
+        let described = || Described {
+            extraction: Extraction {
+                extractor: "x".into(),
+                params: json!({}),
+                revision: 1,
+            },
+            external: External::start(
+                external.manifest().clone(),
+                Log::open(&at("x.log")).unwrap(),
+            )
+            .unwrap(),
+            matching: Matching::default(),
+            cache: FeatureCache::new(at("cache")),
+            known: Mutex::new(Known::new(1 << 20)),
+            unkept: Mutex::default(),
+        };
+        let asked = || {
+            fs::read_to_string(at("asked"))
+                .unwrap_or_default()
+                .lines()
+                .count()
+        };
+        let features = || described().features(&at("image.pgm")).unwrap().0;
+        let sound = features();
+        assert_eq!((sound.len(), asked()), (1, 1));
+        assert_eq!((features(), asked()), (Arc::clone(&sound), 1));
+        let key = Key::new(&pixels, 0, &described().extraction);
+        let mut outside = Features::clone(&sound);
+        outside.keypoints[0].at.x = 9.5;
+        let larger = Features {
+            size: Size::new(1 << 40, 6),
+            ..Features::clone(&sound)
+        };
+        for (times, forged) in [(2, outside), (3, larger)] {
+            described().cache.save(key, &forged).unwrap();
+            assert_eq!((features(), asked()), (Arc::clone(&sound), times));
+        }
     }
 }

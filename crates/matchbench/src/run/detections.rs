@@ -5,9 +5,10 @@
 
 use std::time::Instant;
 
-use matchbench_vision::features::{Detections, Keypoint};
+use matchbench_vision::features::{Detections, Detector, Keypoint};
+use matchbench_vision::image::GrayImage;
 
-use crate::cache::{FeatureCache, Key, SaveError};
+use crate::cache::{FeatureCache, Key, SaveError, lie_in};
 
 /// The keypoints of one image, kept in the cache under a `key`; without one they are not shared.
 pub(super) struct KeptDetections<'a> {
@@ -38,14 +39,32 @@ impl<'a> KeptDetections<'a> {
     }
 }
 
-impl Detections for KeptDetections<'_> {
-    fn recall(&mut self) -> Option<Vec<Keypoint>> {
+impl KeptDetections<'_> {
+    /// The keypoints of an earlier extraction, if they are believed.
+    fn recall_if(&mut self, believed: impl FnOnce(&[Keypoint]) -> bool) -> Option<Vec<Keypoint>> {
         let begin = Instant::now();
         let found = self.key.and_then(|key| self.cache.load_keypoints(key));
+        let found = found.filter(|(keypoints, _)| believed(keypoints));
         self.elsewhere -= begin.elapsed().as_secs_f64();
         let (keypoints, seconds) = found?;
         self.elsewhere += seconds;
         Some(keypoints)
+    }
+}
+
+impl Detections for KeptDetections<'_> {
+    fn recall(&mut self) -> Option<Vec<Keypoint>> {
+        self.recall_if(|_| true)
+    }
+
+    /// Keypoints that do not lie in the image are none that were found in it.
+    fn recall_or_detect(&mut self, detector: &dyn Detector, image: &GrayImage) -> Vec<Keypoint> {
+        let known = self.recall_if(|keypoints| lie_in(keypoints, image.size()));
+        known.unwrap_or_else(|| {
+            let keypoints = detector.detect(image);
+            self.remember(&keypoints);
+            keypoints
+        })
     }
 
     fn remember(&mut self, keypoints: &[Keypoint]) {
@@ -65,15 +84,16 @@ mod tests {
     use std::time::Duration;
 
     use matchbench_vision::features::{
-        Describer, DescriptorKind, Descriptors, DetectThenDescribe, Detector, FloatRows,
+        Describer, DescriptorKind, Descriptors, DetectThenDescribe, Features, FloatRows,
     };
-    use matchbench_vision::image::GrayImage;
+    use matchbench_vision::image::Size;
     use matchbench_vision::matching::{NearestNeighbours, Pipeline};
     use serde_json::json;
 
     use super::super::frame::FrameStage;
     use super::super::testing::{dataset, decode};
     use super::*;
+    use crate::datasets::{Turn, decode_gray};
     use crate::matchers::{BuiltMatcher, Extraction};
     use crate::records::images::ImageNotes;
 
@@ -168,6 +188,58 @@ mod tests {
             assert_eq!(counted, detections, "{value} {threshold:?}");
         }
         assert!(keypoints.iter().all(|found| *found == keypoints[0]));
+    }
+
+    #[test]
+    fn what_is_kept_of_another_image_is_found_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut frame = dataset(folder.path(), "street", 1)
+            .sequence
+            .frames
+            .remove(0);
+        let size = Size::new(12, 8);
+        let pixels = [b"P5 12 8 255\n".to_vec(), vec![7; size.area()]].concat();
+        fs::write(&frame.image, &pixels).unwrap();
+        // The size is that of the image as it is turned.
+        frame.turn = Turn::Quarter;
+        let images = ImageNotes::open(folder.path(), "street").unwrap().into();
+        let cache = FeatureCache::new(folder.path().join("cache"));
+        let count = Arc::default();
+        let matcher = matcher(1.0, Some(20), &count);
+        let stage = FrameStage {
+            matcher: &matcher,
+            cache: &cache,
+            decode: |file| decode_gray(file).map_err(|error| error.to_string()),
+            images: &images,
+        };
+        let extract = || stage.extract(0, &frame).unwrap().features.unwrap();
+        let counted = || count.swap(0, Ordering::Relaxed);
+        let sound = extract();
+        assert_eq!((sound.size, sound.len()), (Size::new(8, 12), 12));
+        assert_eq!((counted(), extract() == sound, counted()), (1, true, 0));
+        let key = |extraction| Key::new(&pixels, frame.turn.into(), extraction);
+        let described = key(&matcher.extraction);
+        let found = key(matcher.detection.as_ref().unwrap());
+        let save = |size, keypoints: &[Keypoint]| {
+            let forged = Features::new(size, keypoints.to_vec(), sound.descriptors.clone());
+            cache.save(described, &forged).unwrap();
+        };
+        let mut outside = sound.keypoints.clone();
+        for (x, y) in [(8.5, 3.0), (3.0, -1.5), (-1e30, 3.0), (3.0, 12.5)] {
+            outside[5].at = [x, y].into();
+            save(sound.size, &outside);
+            assert!(extract() == sound, "{x} {y}");
+            assert_eq!(counted(), 0, "the keypoints are kept beside");
+            cache.save_keypoints(found, &outside, 0.5).unwrap();
+            save(sound.size, &outside);
+            assert!(extract() == sound, "{x} {y}");
+            assert_eq!(counted(), 1);
+        }
+        save(Size::new(1 << 40, 1 << 20), &sound.keypoints);
+        assert!(extract() == sound);
+        save(sound.size, &sound.keypoints[..]);
+        assert!(extract() == sound);
+        assert_eq!(counted(), 0);
     }
 
     #[test]

@@ -9,8 +9,8 @@ use matchbench_vision::image::{GrayImage, Size};
 use super::RunError;
 use super::detections::KeptDetections;
 use super::guard::{Broken, guard, timed};
-use crate::cache::{FeatureCache, Key, SaveError};
-use crate::datasets::Frame;
+use crate::cache::{FeatureCache, Key, SaveError, are_of};
+use crate::datasets::{Frame, size_of_image};
 use crate::files::read_file;
 use crate::front_door::{SETTINGS, THREADS};
 use crate::matchers::BuiltMatcher;
@@ -61,7 +61,7 @@ impl FrameStage<'_> {
                 let hash = blake3::hash(&file);
                 lock(self.images).check(index, &frame.image, hash)?;
                 let key = Key::new(&file, frame.turn.into(), &self.matcher.extraction);
-                let described = match self.known(key) {
+                let described = match self.known(key, frame, &file) {
                     Some(features) => self.pixels(frame, &file).map(|pixels| (features, pixels)),
                     None => self.compute(frame, &file, key, &mut seconds, &mut unkept)?,
                 };
@@ -82,12 +82,15 @@ impl FrameStage<'_> {
         })
     }
 
-    /// The features that are in the cache, unless they have other descriptors than the matcher makes: then they are as
-    /// good as damaged, whatever their checksum says.
-    fn known(&self, key: Key) -> Option<Features> {
+    /// The features that are in the cache, unless they have other descriptors than the matcher makes or are of an image of
+    /// another size: then they are as good as damaged, whatever their checksum says.
+    fn known(&self, key: Key, frame: &Frame, file: &[u8]) -> Option<Features> {
         let made = self.matcher.matcher.descriptors();
         let features = self.cache.load(key)?;
-        (made.is_none_or(|made| made == features.descriptors.kind())).then_some(features)
+        // What another decoder reads may have no header that is known here.
+        let size = size_of_image(file).map_or(features.size, |size| frame.turn.size(size));
+        let is_made = made.is_none_or(|made| made == features.descriptors.kind());
+        (is_made && are_of(&features, size)).then_some(features)
     }
 
     /// The pixels of a frame whose features are known, if they are still needed.
