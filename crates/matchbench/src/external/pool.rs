@@ -15,11 +15,15 @@ use super::features::{memory_for, read_features};
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
 use super::message::{Answer, Request};
+use super::process::Outlived;
 use super::strikes::{STRIKES, Strikes};
 use super::worker::{Fault, Identity, Worker};
 use crate::files::TemporaryFolder;
 use crate::matchers::Cancel;
 use crate::memory::Reserved;
+
+/// How many processes may have ended while what they started holds their output open, until the matcher is given up.
+const MOST_OUTLIVED: usize = 16;
 
 /// A matcher from outside, ready to be asked from any number of threads; at most
 /// [`Manifest::workers`] are answered at once, the others wait. Dropping it ends its processes.
@@ -27,6 +31,7 @@ pub struct External {
     manifest: Manifest,
     identity: Identity,
     log: Log,
+    outlived: Outlived,
     /// Where children write their answers.
     scratch: TemporaryFolder,
     questions: AtomicU64,
@@ -110,7 +115,8 @@ impl External {
         // Children run elsewhere, so they need its absolute path.
         let scratch = TemporaryFolder::new()
             .map_err(|error| failed(format!("no folder for its answers: {error}")))?;
-        let worker = Worker::start(&manifest, &log).map_err(failed)?;
+        let outlived = Outlived::default();
+        let worker = Worker::start(&manifest, &log, &outlived).map_err(failed)?;
         Ok(Self {
             identity: worker.identity().clone(),
             pool: Mutex::new(Pool {
@@ -123,6 +129,7 @@ impl External {
             }),
             manifest,
             log,
+            outlived,
             scratch,
             questions: AtomicU64::new(0),
             unknown: RandomState::new(),
@@ -314,7 +321,7 @@ impl External {
     }
 
     fn start_another(&self) -> Result<Worker, String> {
-        let worker = Worker::start(&self.manifest, &self.log)?;
+        let worker = Worker::start(&self.manifest, &self.log, &self.outlived)?;
         if *worker.identity() == self.identity {
             return Ok(worker);
         }
@@ -338,6 +345,14 @@ impl External {
             Some(image) => pool.strikes.failed(image),
             None => pool.strikes.did_not_start(),
         };
+        let given_up = given_up.or_else(|| {
+            (self.outlived.count() >= MOST_OUTLIVED).then(|| {
+                format!(
+                    "{MOST_OUTLIVED} of its processes have ended, and what they started still holds their output open; \
+                     let it end what it starts"
+                )
+            })
+        });
         let Some(why) = given_up else {
             return Breakdown::Broke(reason);
         };

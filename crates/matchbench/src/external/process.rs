@@ -23,7 +23,7 @@ use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -58,6 +58,20 @@ struct Groups {
     ended: usize,
 }
 
+/// The children of a matcher that have ended and are still heard: what they started left their group and holds their
+/// output open, which costs threads and descriptors.
+#[derive(Clone, Default)]
+pub(super) struct Outlived(Arc<Mutex<Vec<Weak<()>>>>);
+
+impl Outlived {
+    /// How many they are now.
+    pub(super) fn count(&self) -> usize {
+        let mut ended = lock(&self.0);
+        ended.retain(|threads| threads.strong_count() > 0);
+        ended.len()
+    }
+}
+
 /// A child that is heard line by line; dropping it ends it.
 pub(super) struct Process {
     child: Child,
@@ -72,6 +86,9 @@ pub(super) struct Process {
     /// Until when it may go, once it was asked to.
     grace: Option<Instant>,
     reaped: bool,
+    /// Held by the threads that hear it.
+    threads: Weak<()>,
+    outlived: Outlived,
 }
 
 /// What was heard of a child.
@@ -97,7 +114,12 @@ impl Process {
     ///
     /// # Errors
     /// If the system cannot, in words.
-    pub(super) fn start(command: &[String], folder: &Path, log: &Log) -> Result<Self, String> {
+    pub(super) fn start(
+        command: &[String],
+        folder: &Path,
+        log: &Log,
+        outlived: &Outlived,
+    ) -> Result<Self, String> {
         let [program, arguments @ ..] = command else {
             return Err("the command is empty".into());
         };
@@ -127,6 +149,7 @@ impl Process {
         let (heard, lines) = mpsc::sync_channel(WAITING);
         let (ended, errors) = mpsc::sync_channel(0);
         let complaint = Arc::default();
+        let threads = Arc::new(());
         // From here on the child ends if something fails.
         let process = Self {
             child,
@@ -136,12 +159,21 @@ impl Process {
             complaint: Arc::clone(&complaint),
             grace: None,
             reaped: false,
+            threads: Arc::downgrade(&threads),
+            outlived: outlived.clone(),
         };
         let (out_log, error_log) = (log.clone(), log.clone());
         let unheard = Arc::clone(&complaint);
         serve(move || write_all(stdin, &to_write))?;
-        serve(move || sort(stdout, &heard, &out_log, &unheard))?;
-        serve(move || copy(stderr, &error_log, &complaint, ended))?;
+        let held = Arc::clone(&threads);
+        serve(move || {
+            sort(stdout, &heard, &out_log, &unheard);
+            drop(held);
+        })?;
+        serve(move || {
+            copy(stderr, &error_log, &complaint, ended);
+            drop(threads);
+        })?;
         Ok(process)
     }
 
@@ -212,6 +244,7 @@ impl Process {
         // Before it is reaped: afterwards the system may give its process id to another.
         groups().alive.remove(&self.child.id());
         self.reaped = true;
+        lock(&self.outlived.0).push(self.threads.clone());
         let _ = self.child.kill();
         self.child.wait().ok()
     }

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::log::{Log, told};
 use super::manifest::Manifest;
 use super::message::{Answer, PROTOCOL, Request, Subject};
-use super::process::{Heard, LONGEST_LINE, Process, Silence};
+use super::process::{Heard, LONGEST_LINE, Outlived, Process, Silence};
 
 /// Letters of a name or version.
 const LONGEST_NAME: usize = 200;
@@ -61,8 +61,12 @@ impl Worker {
     ///
     /// # Errors
     /// If it does not get ready, in words.
-    pub(super) fn start(manifest: &Manifest, log: &Log) -> Result<Self, String> {
-        let mut process = Process::start(&manifest.command, manifest.folder(), log)?;
+    pub(super) fn start(
+        manifest: &Manifest,
+        log: &Log,
+        outlived: &Outlived,
+    ) -> Result<Self, String> {
+        let mut process = Process::start(&manifest.command, manifest.folder(), log, outlived)?;
         let hello = Request::Hello {
             protocol: PROTOCOL,
             params: &manifest.params,

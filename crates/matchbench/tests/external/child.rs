@@ -3,6 +3,8 @@
 use std::env;
 use std::fs;
 use std::io::{self, BufRead, Write};
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -82,6 +84,12 @@ fn misbehave(behaviour: &str, request: &Value) {
         "hangs" => sleep(),
         "always-ends" | "ends" => std::process::exit(0),
         "crashes" => std::process::abort(),
+        "leaves-another" => {
+            // It has this program's output, and its group is another.
+            let mut other = Command::new("sleep");
+            (other.arg("60").process_group(0).spawn()).expect("there is `sleep`");
+            std::process::exit(1);
+        }
         "floods" => {
             let line = vec![b'x'; 1 << 16];
             for _ in 0..64 {

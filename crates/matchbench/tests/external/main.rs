@@ -375,6 +375,26 @@ fn host_that_ends_all() {
     assert_eq!(bench.ask(1), Ok(2));
 }
 
+#[test]
+fn a_matcher_whose_processes_leave_others_behind_is_given_up() {
+    let bench = Bench::new("leaves-another");
+    for lost in 1..=16 {
+        // No failures in a row.
+        assert_eq!(bench.ask(1), Ok(2));
+        let asked = bench.ask(13);
+        if lost < 16 {
+            assert!(matches!(asked, Err(Breakdown::Broke(_))), "{asked:?}");
+        } else {
+            let Err(Breakdown::Ended(reason)) = asked else {
+                panic!("{asked:?}");
+            };
+            assert!(reason.contains("holds their output open"), "{reason}");
+        }
+    }
+    assert!(matches!(bench.ask(1), Err(Breakdown::Ended(_))));
+    assert_eq!(bench.children().len(), 16);
+}
+
 /// A host that has no memory for the features of an image.
 #[test]
 #[ignore = "started by another test"]
