@@ -1,6 +1,7 @@
 """Runs from Python: matchers written there, Ctrl-C, tables, reports."""
 
 import _thread
+import dataclasses
 import functools
 import json
 import os
@@ -209,6 +210,40 @@ def test_other_code_is_another_version():
     stated = one(0.5)
     stated.version = 2
     assert version_of(stated) == "2"
+    # Code inside of a function has globals of its own, which are read but not set.
+    for inner in ("[a for _ in b if LIMIT]", "sum(LIMIT for _ in b)", "(lambda: LIMIT)()", "[[LIMIT for _ in a] for _ in b]"):
+        first, same, another = (version_of(eval(f"lambda a, b: {inner}", {"LIMIT": limit})) for limit in (1, 1, 2))
+        assert first == same != another, inner
+    within = {"CALLS": 0}
+    exec("def counting(a, b):\n    def count():\n        global CALLS\n        CALLS += 1\n    count()", within)
+    before = version_of(within["counting"])
+    within["counting"](1, 2)
+    assert within["CALLS"] == 1 and version_of(within["counting"]) == before
+    # What a method belongs to is an object with attributes, or a class with constants.
+    assert version_of(Staged(3).match) == version_of(Staged(3).match) != version_of(Staged(4).match)
+    assert version_of(Counting(3).extract) == version_of(Counting(4).extract)
+    small, same, large = (type("Sized", (), {"size": size, "pair": classmethod(one)}).pair for size in (1, 1, 2))
+    assert version_of(small) == version_of(same) != version_of(large)
+
+    @dataclasses.dataclass(slots=True)
+    class Slotted:
+        ratio: object
+        calls: int = 0
+
+        def __call__(self, a, b):
+            self.calls += 1
+
+    class Derived(Slotted):
+        pass
+
+    for kind in (Slotted, Derived):
+        assert version_of(kind(0.7)) == version_of(kind(0.7, calls=1)) != version_of(kind(0.8)), kind
+    # One number of numpy is a number, wherever it stands.
+    for number in (np.float32, np.int64, np.array):
+        for made in (Slotted, Staged, one, lambda value: eval("lambda a, b: LIMIT", {"LIMIT": value})):
+            first, same, another = (version_of(made(number(value))) for value in (1, 1, 2))
+            assert first == same != another, (number, made)
+    assert version_of(Staged(np.ones(2))) == version_of(Staged(np.zeros(2))), "arrays are not seen"
 
 
 def test_a_version_does_not_depend_on_the_process_or_the_line():
