@@ -11,8 +11,8 @@ only describes images, while matchbench compares the descriptors.
 
 `prepare(params)`, if there is one, loads whatever takes long, before the first pair is timed. `a`, `b` and `image` are
 `Image` objects. `image.gray(n)` and `image.rgb(n)` return its pixels, at most n wide and high; with `size=(width, height)`
-they are of exactly that size. Points are in these pixels, with the centre of the first pixel at 0; `serve` converts them to
-the original image. Certainty is from 0 to 1, higher is better. Whatever a function prints goes to the log. If it raises an
+they are of exactly that size. Points are n x 2 (x, y) in these pixels, with the centre of the first pixel at 0; `serve`
+converts them to the original image. Certainty is from 0 to 1, higher is better. Whatever a function prints goes to the log. If it raises an
 exception, this pair failed, with the exception as the reason. `params` are the values of the function `defaults`, changed by
 the manifest; unknown names are refused.
 
@@ -50,8 +50,7 @@ class Image:
 
     def original(self, points):
         """Converts points in the pixels that were asked for last to the original image."""
-        points = np.asarray(points, np.float64).reshape(-1, 2)
-        return (points + 0.5) * self.scale - 0.5
+        return (_n_by_2(points) + 0.5) * self.scale - 0.5
 
     def _resized(self, pixels, max_size, size):
         height, width = pixels.shape[:2]
@@ -199,6 +198,20 @@ def _read(path, gray):
     if pixels is None:
         raise ValueError(f"{path} cannot be read")
     return pixels if gray else np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def _n_by_2(points):
+    """The points as an array n x 2. Other arrays would be cut into other points. An empty one of any shape has no points, and
+    the 1 of cv2's n x 1 x 2, or of a batch of one, says nothing."""
+    points = np.asarray(points, np.float64)
+    if points.size == 0:
+        return np.zeros((0, 2))
+    if points.ndim == 3 and 1 in points.shape[:2]:
+        points = points.reshape(-1, points.shape[2])
+    if points.ndim != 2 or points.shape[1] != 2:
+        shape = " x ".join(map(str, points.shape)) or "a single number"
+        raise ValueError(f"points: an array of shape {shape}; give n x 2 (x, y)")
+    return points
 
 
 def _between(pixels, count, axis):

@@ -142,6 +142,60 @@ def test_an_image_of_an_exact_size_is_resampled_as_native_matchers_do(monkeypatc
         ramp.gray(50, size=(50, 50))
 
 
+def test_points_are_n_by_2(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(os.fspath(ADAPTERS))
+    image = importlib.import_module("matchbench_serve").Image("image", (640, 480))
+    points = np.arange(12.0).reshape(6, 2)
+    for same in (points, points.tolist(), points[:, None], points[None], points.astype(np.float32)):
+        assert np.array_equal(image.original(same), points)
+    for empty in ([], np.zeros((0, 3)), np.zeros((2, 0)), np.zeros((0, 1, 2)), [[]]):
+        assert image.original(empty).shape == (0, 2)
+    # Each of them was read as so many other points.
+    for wrong, shape in [
+        (points.T, "2 x 6"),
+        (np.c_[points, np.ones(6)], "6 x 3"),
+        (np.c_[points, points], "6 x 4"),
+        (points.ravel(), "12"),
+        (points.T[None], "2 x 6"),
+        (points.reshape(3, 2, 2), "3 x 2 x 2"),
+        (7.0, "a single number"),
+    ]:
+        with pytest.raises(ValueError, match=rf"^points: an array of shape {shape}; give n x 2 \(x, y\)$"):
+            image.original(wrong)
+
+
+MISTAKEN = f"""
+import sys
+import numpy as np
+sys.path.insert(0, {str(ADAPTERS)!r})
+from matchbench_serve import serve
+
+points = np.arange(24.0).reshape(12, 2)
+serve({{}})
+"""
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        ("match=lambda a, b, params: (points.T, points.T)", "points: an array of shape 2 x 12; give n x 2"),
+        ("describe=lambda image, params: (points.T, np.ones((12, 8), np.float32))", "points: an array of shape 2 x 12"),
+    ],
+)
+def test_a_wrong_answer_fails_its_pair_with_the_remedy(
+    dataset: mb.Dataset, tmp_path: Path, function: str, words: str
+) -> None:
+    (tmp_path / "mistaken.py").write_text(MISTAKEN.format(function))
+    manifest = tmp_path / "mistaken.toml"
+    kind = "features" if function.startswith("describe") else "matches"
+    manifest.write_text(
+        f'name = "mistaken"\ncommand = [{json.dumps(sys.executable)}, "mistaken.py"]\nkind = "{kind}"\n'
+    )
+    with pytest.warns(UserWarning) as said:
+        assert mb.run(dataset, manifest, "best", out=tmp_path / "run", limit=1, progress=False).failed == 1
+    assert any(words in str(warning.message) for warning in said), [str(warning.message) for warning in said]
+
+
 def test_without_opencv_grey_pixels_of_16_bits_are_their_upper_8(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
