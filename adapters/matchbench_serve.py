@@ -12,9 +12,9 @@ only describes images, while matchbench compares the descriptors.
 `prepare(params)`, if there is one, loads whatever takes long, before the first pair is timed. `a`, `b` and `image` are
 `Image` objects. `image.gray(n)` and `image.rgb(n)` return its pixels, at most n wide and high; with `size=(width, height)`
 they are of exactly that size. Points are n x 2 (x, y) in these pixels, with the centre of the first pixel at 0; `serve`
-converts them to the original image. Certainty is from 0 to 1, higher is better. Whatever a function prints goes to the log. If it raises an
-exception, this pair failed, with the exception as the reason. `params` are the values of the function `defaults`, changed by
-the manifest; unknown names are refused.
+converts them to the original image. Certainty is from 0 to 1, higher is better; None is as if it were absent. Whatever a
+function prints goes to the log. If it raises an exception, this pair failed, with the exception as the reason. `params` are
+the values of the function `defaults`, changed by the manifest; unknown names are refused.
 
 It needs numpy, and cv2 or PIL to read images. The documentation of matchbench describes the protocol.
 """
@@ -115,8 +115,8 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
             of_a, of_b = a, b = [Image(*side) for side in sides]
         points_a, points_b, *certainty = timed("match", seconds, match, of_a, of_b, params)
         points_a, points_b = a.original(points_a), b.original(points_b)
-        certainty = np.ones(len(points_a)) if not certainty else np.asarray(certainty[0], np.float64)
-        rows = np.column_stack([points_a, points_b, 1.0 - np.clip(certainty, 0.0, 1.0)])
+        certainty = _certainty(certainty[0] if certainty else None, len(points_a))
+        rows = np.column_stack([points_a, points_b, 1.0 - certainty])
         rows.astype("<f4").tofile(request["out"])
         counts = [len(of["keypoints"]) for of in (of_a, of_b)] if extract else None
         found = {"features": counts, "extracted": len(extracted)} if extract else {}
@@ -212,6 +212,23 @@ def _n_by_2(points):
         shape = " x ".join(map(str, points.shape)) or "a single number"
         raise ValueError(f"points: an array of shape {shape}; give n x 2 (x, y)")
     return points
+
+
+def _certainty(given, count):
+    """The certainty of each match, from 0 to 1. What lies outside by more than rounding is a score of another kind, of which
+    all would be equal if it were cut off."""
+    if given is None:
+        return np.ones(count)
+    certainty = np.asarray(given, np.float64)
+    if certainty.size != count or certainty.ndim == 0:
+        shape = " x ".join(map(str, certainty.shape)) or "a single number"
+        raise ValueError(f"certainty: an array of shape {shape} for {count} matches; give one for each")
+    certainty = certainty.ravel()
+    outside = np.flatnonzero(~((certainty >= -1e-3) & (certainty <= 1 + 1e-3)))  # NaN too
+    if len(outside):
+        row = outside[0]
+        raise ValueError(f"certainty: row {row} is {certainty[row]:g}; give values from 0 to 1, 1 is certain, or None")
+    return np.clip(certainty, 0.0, 1.0)
 
 
 def _between(pixels, count, axis):

@@ -33,7 +33,8 @@ def match(a, b, params):
     found = load(params)(*(image.to(params["device"]) for image in pixels))
     points_a, points_b = found["matched_kpts0"], found["matched_kpts1"]
     certainty = found.get("matched_confidences")
-    return points_a, points_b, np.ones(len(points_a)) if certainty is None else certainty
+    # Each model has confidences of its own, and not all need be from 0 to 1.
+    return points_a, points_b, None if certainty is None else np.clip(np.asarray(certainty), 0.0, 1.0)
 
 
 serve(match=match, prepare=load, name="vismatch", version=version("vismatch"),

@@ -40,7 +40,8 @@ def match(a, b, params):
         best, back = alike.max(1), alike.argmax(0)
         chosen = torch.nonzero(back[best.indices] == torch.arange(len(alike)).to(back))[:, 0].cpu()
         other = best.indices.cpu()[chosen]
-        return a["keypoints"][chosen], b["keypoints"][other], best.values.cpu()[chosen]
+        # A cosine is below 0 where nothing is alike.
+        return a["keypoints"][chosen], b["keypoints"][other], best.values.cpu()[chosen].clamp(0, 1)
     glue, data = networks["glue"], {}
     for side, of in enumerate((a, b)):
         data[f"keypoints{side}"] = of["keypoints"][None].to(glue.dev)

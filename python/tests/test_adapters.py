@@ -164,6 +164,28 @@ def test_points_are_n_by_2(monkeypatch: pytest.MonkeyPatch) -> None:
             image.original(wrong)
 
 
+def test_certainty_is_from_0_to_1_or_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(os.fspath(ADAPTERS))
+    certainty = importlib.import_module("matchbench_serve")._certainty
+    assert certainty(None, 3).tolist() == [1, 1, 1]
+    assert certainty([0, 0.25, 1], 3).tolist() == [0, 0.25, 1]
+    assert certainty(np.array([[0.5], [0.75]], np.float32), 2).tolist() == [0.5, 0.75]
+    assert certainty(np.array([-1e-4, 1.0005]), 2).tolist() == [0, 1], "rounding"
+    assert certainty([], 0).shape == (0,)
+    # All of the first were certain, in silence.
+    for wrong, words in [
+        ([9, 9], "row 0 is 9"),
+        ([1, 1.01], "row 1 is 1.01"),
+        ([0.5, -0.2], "row 1 is -0.2"),
+        ([0.5, float("nan")], "row 1 is nan"),
+    ]:
+        with pytest.raises(ValueError, match=f"^certainty: {words}; give values from 0 to 1, 1 is certain, or None$"):
+            certainty(wrong, 2)
+    for wrong, shape in [([1, 1, 1], "3"), (np.ones((2, 2)), "2 x 2"), (1.0, "a single number")]:
+        with pytest.raises(ValueError, match=f"^certainty: an array of shape {shape} for 2 matches; give one for each$"):
+            certainty(wrong, 2)
+
+
 MISTAKEN = f"""
 import sys
 import numpy as np
@@ -175,10 +197,19 @@ serve({{}})
 """
 
 
+def test_none_is_no_certainty(dataset: mb.Dataset, tmp_path: Path) -> None:
+    (tmp_path / "mistaken.py").write_text(MISTAKEN.format("match=lambda a, b, params: (points, points, None)"))
+    manifest = tmp_path / "mistaken.toml"
+    manifest.write_text(f'name = "mistaken"\ncommand = [{json.dumps(sys.executable)}, "mistaken.py"]\n')
+    run = mb.run(dataset, manifest, "best", out=tmp_path / "run", limit=1, progress=False)
+    assert run.failed == 0 and mb.pairs(run)["selected"].tolist() == [12]
+
+
 @pytest.mark.parametrize(
     ("function", "words"),
     [
         ("match=lambda a, b, params: (points.T, points.T)", "points: an array of shape 2 x 12; give n x 2"),
+        ("match=lambda a, b, params: (points, points, [1] * 11 + [9])", "certainty: row 11 is 9; give values from 0 to 1"),
         ("describe=lambda image, params: (points.T, np.ones((12, 8), np.float32))", "points: an array of shape 2 x 12"),
     ],
 )
