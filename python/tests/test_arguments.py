@@ -63,6 +63,25 @@ def test_what_a_run_is_made_of_is_named_where_it_is_wrong(dataset, tmp_path):
     refused(lambda: mb.show(dataset, 0, 1, "orb", ["best"]), "estimator: a value of type list; give a name")
 
 
+def test_an_empty_path_is_not_the_working_folder(dataset, command_line_run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def start(out="run", matcher="orb", **options):
+        return lambda: mb.run(dataset, matcher, "best", out=out, progress=False, **options)
+
+    refused(start(""), "out: an empty text; give the path of the folder of the run", kind=ValueError)
+    refused(start(None), "out: a value of type NoneType; give the path of the folder of the run")
+    refused(start(cache=""), "cache: an empty text; give the path of a folder, or None", kind=ValueError)
+    refused(start(cache=7), "cache: a value of type int; give the path of a folder, or None")
+    refused(start(matcher=""), "matchers: an empty text; give a name or a manifest's path", kind=ValueError)
+    refused(lambda: mb.join([command_line_run], out=""), "out: an empty text; give the path of", kind=ValueError)
+    refused(lambda: mb.report(command_line_run, out=""), "out: an empty text; give the path of a folder", kind=ValueError)
+    refused(lambda: mb.report(command_line_run, bundle=""), "bundle: an empty text; give the path of a file", kind=ValueError)
+    refused(lambda: mb.evaluate(""), "run: an empty text; give a Run or the path of its folder", kind=ValueError)
+    refused(lambda: mb.MatchesFrom("one", ""), "files: an empty text; give a path, or a list of paths", kind=ValueError)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_dict_is_no_list(dataset, tmp_path):
     given = {"dataset": dataset, "matchers": "orb", "estimators": "best", "protocols": ()}
     for name, wrong, instead in [

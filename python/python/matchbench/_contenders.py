@@ -67,7 +67,7 @@ def any_estimator(name: str, given: Any) -> str | NativeEstimator:
 def any_matcher(name: str, given: Any) -> Any:
     """A matcher as the compiled module takes it."""
     if isinstance(given, (str, os.PathLike)):
-        return path(name, given)
+        return path(name, given, "a name or a manifest's path")
     if isinstance(given, type):
         raise TypeError(f"{name}: {given.__name__} is a class; give an instance of it")
     if isinstance(given, MatchesFrom):

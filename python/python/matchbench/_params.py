@@ -58,8 +58,10 @@ def text(name: str, given: Any, expected: str) -> str:
 
 
 def path(name: str, given: Any, expected: str = "a path") -> str:
-    """The argument `name` as a path, which is what is `expected`."""
+    """The argument `name` as a path, which is what is `expected`. An empty one would be the working folder."""
     name_of_file = os.fspath(cast("os.PathLike[str]", given)) if isinstance(given, os.PathLike) else given
+    if name_of_file == "":
+        raise ValueError(f"{name}: an empty text; give {expected}")
     return text(name, name_of_file, expected)
 
 

@@ -114,6 +114,8 @@ def run(
         if count is not None:
             whole(name, count, 1)
     set_to, drawn = changes(settings), whole("seed", seed, 0)
+    folder = path("out", out, "the path of the folder of the run")
+    kept = None if cache is None else path("cache", cache, "the path of a folder, or None")
     opened = [any_dataset("dataset", each) for each in datasets]
     with shown(progress) as bar:
         tasks, notes = native_run(
@@ -121,7 +123,7 @@ def run(
             contenders,
             judges,
             views,
-            out,
+            folder,
             set_to,
             drawn,
             repeat,
@@ -130,13 +132,13 @@ def run(
             time_budget_ms,
             keep_matches,
             retry_failed,
-            cache,
+            kept,
             threads,
             bar,
         )
     for note in notes:
         warnings.warn(note, stacklevel=2)
-    return Run(Path(out), *tasks)
+    return Run(Path(folder), *tasks)
 
 
 def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
@@ -144,8 +146,9 @@ def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
     of learned matchers on a machine with a GPU, and of others elsewhere. They must have the same version, seed, pairs
     and repetitions. What is missing in it can be run by `run` into that folder."""
     folders = [folder_of(run, "runs") for run in some("runs", runs, "give at least one")]
-    planned, recorded, failed = native_join(folders, out)
-    return Run(Path(out), planned, recorded, 0, failed)
+    folder = path("out", out, "the path of the folder of the new run")
+    planned, recorded, failed = native_join(folders, folder)
+    return Run(Path(folder), planned, recorded, 0, failed)
 
 
 def report(
@@ -161,7 +164,9 @@ def report(
     if out is not None and bundle is not None:
         raise ValueError("out is a folder and bundle one file that holds all of it; give one of the two")
     drawn = sys.maxsize if pictures == "all" else whole("pictures", pictures, 0, 'a whole number, or "all"')
-    page, notes = native_report(folder_of(run), out, bundle, drawn)
+    pages = None if out is None else path("out", out, "the path of a folder, or None")
+    whole_report = None if bundle is None else path("bundle", bundle, "the path of a file, or None")
+    page, notes = native_report(folder_of(run), pages, whole_report, drawn)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return Path(page)
