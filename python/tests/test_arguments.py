@@ -82,6 +82,12 @@ def test_an_empty_path_is_not_the_working_folder(dataset, command_line_run, tmp_
     assert not list(tmp_path.iterdir())
 
 
+def test_a_table_is_asked_for_under_some_protocol(command_line_run):
+    for none in ([], ()):
+        call = lambda none=none: mb.evaluate(command_line_run, protocol=none)  # noqa: E731
+        refused(call, "protocol: an empty list; leave it out for all scores of the run", kind=ValueError)
+
+
 def test_a_dict_is_no_list(dataset, tmp_path):
     given = {"dataset": dataset, "matchers": "orb", "estimators": "best", "protocols": ()}
     for name, wrong, instead in [

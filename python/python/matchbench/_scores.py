@@ -8,7 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from ._contenders import listed
+from ._contenders import some
 from ._native import evaluate as native_evaluate
 from ._native import evaluate_under as native_evaluate_under
 from ._native import pairs as native_pairs
@@ -85,7 +85,8 @@ def evaluate(run: _Run, *, protocol: str | Sequence[str] | None = None) -> Score
         scores = Scores.of_csv(table)
         scores.verdicts = verdicts
     else:
-        asked = [text("protocol", each, 'a name, as in "superglue"') for each in listed("protocol", protocol)]
+        named = some("protocol", protocol, "leave it out for all scores of the run")
+        asked = [text("protocol", each, 'a name, as in "superglue"') for each in named]
         table, printed, doubts = native_evaluate_under(folder_of(run), asked)
         scores = ProtocolScores.of_csv(table)
         scores.printed = printed
