@@ -416,6 +416,29 @@ def test_one_is_a_list_of_one(dataset, tmp_path):
         plan("wrong", "sfit")
 
 
+def test_a_matcher_that_can_be_iterated_over_is_one(dataset, tmp_path):
+    class Layers:
+        """As the layers of a network."""
+
+        def __iter__(self):
+            return iter(["orb", "brisk"])
+
+    class Staged(Layers):
+        def extract(self, image):
+            return image.shape
+
+        def match(self, a, b):
+            return np.ones((3, 2)), np.ones((3, 2))
+
+    class Called(Layers):
+        def __call__(self, a, b):
+            return np.ones((3, 2)), np.ones((3, 2))
+
+    for matcher, names in [(Staged(), ["Staged"]), (Called(), ["Called"]), (Layers(), ["orb", "brisk"])]:
+        run = mb.run(dataset, matcher, "best", out=tmp_path / names[0], limit=1, progress=False)
+        assert run.failed == 0 and mb.evaluate(run)["matcher"] == names
+
+
 def without_times(folder):
     """The plan of a run, and its records by file."""
     kept = {"plan": json.loads((folder / "plan.json").read_text())}

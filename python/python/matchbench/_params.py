@@ -20,7 +20,12 @@ def several(name: str, given: Any, instead: str = "give a list") -> list[Any]:
     a dict only the keys would be left; `instead` says what is given in its place."""
     if isinstance(given, Mapping):
         raise TypeError(f"{name}: a dict, whose values would be lost; {instead}")
-    return [given] if isinstance(given, str) or not hasattr(given, "__iter__") else list(given)
+    return [given] if isinstance(given, str) or not hasattr(given, "__iter__") or _is_matcher(given) else list(given)
+
+
+def _is_matcher(given: Any) -> bool:
+    """Whether it is one matcher written in Python, even if it can be iterated over, as the layers of a network can."""
+    return callable(given) or all(callable(getattr(given, name, None)) for name in ("match", "extract"))
 
 
 def plain(name: str, value: Any) -> Any:
