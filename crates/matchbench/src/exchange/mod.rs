@@ -52,6 +52,7 @@ use crate::matchers::MAX_MATCHES;
 pub use error::ExchangeError;
 pub use export::{Export, Model, PairExport, Seen, TwoView, check_dataset};
 pub use names::NamedBy;
+pub(crate) use options::CENTERS;
 pub use options::ReadOptions;
 pub use read::{FileMatches, MatchFiles, Survey};
 pub use source::{MatchSource, is_of_absent_pairs};

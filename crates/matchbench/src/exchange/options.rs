@@ -8,6 +8,9 @@ use crate::config::UnknownName;
 use crate::front_door::{PIXEL_CENTER, RESIZED, VERIFIED};
 use crate::matchers::MatchesFrom;
 
+/// Where the centre of the first pixel may be.
+pub(crate) const CENTERS: [f64; 2] = [0.0, 0.5];
+
 /// How files are to be read, where they do not say it themselves.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
@@ -63,7 +66,7 @@ impl ReadOptions {
             return error("a resized image has no pixels".into(), remedy);
         }
         match self.pixel_center.or(format.pixel_center) {
-            Some(center) if center == 0.0 || center == 0.5 => Ok(center),
+            Some(center) if CENTERS.contains(&center) => Ok(center),
             Some(center) => error(
                 format!("the centre of the first pixel cannot be at {center}"),
                 format!("say {} or 0.5", PIXEL_CENTER.with("0")),

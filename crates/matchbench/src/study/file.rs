@@ -1,6 +1,7 @@
 //! Reads a run file: TOML, with paths relative to its folder, and errors with file and line.
 
 use std::collections::BTreeMap;
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -56,6 +57,12 @@ impl Study {
             (id.into_inner(), at)
         });
         study.set_at = ids.collect();
+        let own = places.datasets.iter().flat_map(|place| &place.matchers);
+        let manifests = places.matchers.iter().chain(own);
+        study.manifests_at = manifests
+            .filter(|name| Manifest::is_path(name.get_ref()))
+            .map(|name| (name.get_ref().clone(), at(name.span().start)))
+            .collect();
         for (dataset, place) in study.datasets.iter_mut().zip(places.datasets) {
             dataset.at = Some(at(place.path.span().start));
         }
@@ -70,11 +77,14 @@ impl Study {
                 place(path);
             }
         };
+        let placed = |name: &String| folder.join(name).to_string_lossy().into_owned();
         let place_manifests = |names: &mut Vec<String>| {
             for name in names.iter_mut().filter(|name| Manifest::is_path(name)) {
-                *name = folder.join(&name).to_string_lossy().into_owned();
+                *name = placed(name);
             }
         };
+        let manifests_at = mem::take(&mut self.manifests_at).into_iter();
+        self.manifests_at = (manifests_at.map(|(name, at)| (placed(&name), at))).collect();
         place_some(&mut self.out);
         place_some(&mut self.cache);
         self.tuned.iter_mut().for_each(place);
@@ -101,9 +111,11 @@ impl Study {
     }
 }
 
-/// The lines of the ids of settings and of the folders of datasets.
+/// The lines of matchers, of the ids of settings and of the folders of datasets.
 #[derive(Deserialize)]
 struct Places {
+    #[serde(default)]
+    matchers: Vec<toml::Spanned<String>>,
     #[serde(default)]
     set: BTreeMap<toml::Spanned<String>, toml::Value>,
     #[serde(default, rename = "dataset")]
@@ -113,6 +125,8 @@ struct Places {
 #[derive(Deserialize)]
 struct DatasetPlace {
     path: toml::Spanned<toml::Value>,
+    #[serde(default)]
+    matchers: Vec<toml::Spanned<String>>,
 }
 
 fn line_of(text: &str, byte: usize) -> usize {
@@ -223,14 +237,35 @@ mod tests {
             ),
             ("matchers = [\n", 1, ""),
         ] {
-            let Err(StudyError::File {
-                line: found, what, ..
-            }) = parse(text)
-            else {
-                panic!("{text}");
-            };
-            assert_eq!(found, Some(line), "{text}: {what}");
-            assert!(what.contains(named), "{text}: {what}");
+            is_at_line(text, line, named);
+        }
+    }
+
+    /// Whether this text is refused for something of this name in this line.
+    fn is_at_line(text: &str, line: usize, named: &str) {
+        let Err(StudyError::File {
+            line: found, what, ..
+        }) = parse(text)
+        else {
+            panic!("{text}");
+        };
+        assert_eq!(found, Some(line), "{text}: {what}");
+        assert!(what.contains(named), "{text}: {what}");
+    }
+
+    #[test]
+    fn mistakes_in_matches_are_named_with_their_line() {
+        for (of_matches, named) in [
+            ("name = 'x'\nformat = 'nope'", "nope"),
+            ("name = 'sift'", "that name is taken by what is built in"),
+            (
+                "name = 'x'\npixel_center = 0.3",
+                "`pixel_center` is 0.3; it is 0 or 0.5",
+            ),
+            ("name = 'x'\nresized = [0, 4]", "`resized` has no pixels"),
+        ] {
+            let text = format!("seed = 1\n[[matches]]\nfiles = ['a']\n{of_matches}\n");
+            is_at_line(&text, 2, named);
         }
     }
 

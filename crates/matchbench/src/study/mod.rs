@@ -76,6 +76,9 @@ pub struct Study {
     /// The run file, and the line in it of each id in `set`, if the settings came from a run file.
     #[serde(skip)]
     pub set_at: BTreeMap<String, (PathBuf, usize)>,
+    /// The run file, and the line in it of each manifest among its matchers.
+    #[serde(skip)]
+    pub manifests_at: BTreeMap<String, (PathBuf, usize)>,
     /// Files of `matchbench tune` whose choices are used; `set` wins over them.
     #[serde(deserialize_with = "names::paths")]
     pub tuned: Vec<PathBuf>,
@@ -111,6 +114,7 @@ impl Default for Study {
             time_budget: None,
             set: Changes::default(),
             set_at: BTreeMap::new(),
+            manifests_at: BTreeMap::new(),
             tuned: Vec::new(),
             cache: None,
             keep_matches: KeepMatches::All,

@@ -8,12 +8,15 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
 use serde::{Deserialize, de};
 use serde_json::{Map, Value};
 
+use super::StudyError;
 use crate::config::{self, Changes, ConfigError, UnknownName, from_toml};
 use crate::datasets::{KINDS, PairRule};
 use crate::estimators::{self, ESTIMATORS};
+use crate::exchange::{CENTERS, ReadOptions};
 use crate::external::Manifest;
 use crate::matchers::{self, MATCHERS, MatchesFrom};
 use crate::protocols;
+use crate::run::built_in;
 
 /// The kinds of things that a name can name.
 trait Named {
@@ -129,13 +132,40 @@ pub(super) fn paths<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Pa
     Ok(places.into_iter().map(|place| place.0).collect())
 }
 
-/// Matches of another tool, whose files have paths that are not empty.
+/// Checks that matches from files may have this name in tables. The name of something built in is refused,
+/// since the matches would appear beside real runs of it.
+pub(super) fn check_name(name: &str) -> Result<(), StudyError> {
+    let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
+    let is_word = name.chars().all(plain) && name.starts_with(char::is_alphanumeric);
+    let what = if !is_word || name.len() > 64 {
+        "use up to 64 letters, digits, dashes, underscores and dots"
+    } else if built_in().takes(name) {
+        "that name is taken by what is built in; choose another, as in `colmap-sift`"
+    } else {
+        return Ok(());
+    };
+    let name = name.to_owned();
+    Err(StudyError::Name { name, what })
+}
+
+/// Matches of another tool, whose names, files and options can be such.
 struct Placed(MatchesFrom);
 
 impl<'de> Deserialize<'de> for Placed {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let matches = MatchesFrom::deserialize(deserializer)?;
         matches.files.iter().try_for_each(|file| check_path(file))?;
+        check_name(&matches.name).map_err(D::Error::custom)?;
+        ReadOptions::of(&matches).map_err(D::Error::custom)?;
+        if let Some(center) = matches.pixel_center
+            && !CENTERS.contains(&center)
+        {
+            let wrong = format!("`pixel_center` is {center}; it is 0 or 0.5");
+            return Err(D::Error::custom(wrong));
+        }
+        if matches.resized.is_some_and(|size| size.contains(&0)) {
+            return Err(D::Error::custom("`resized` has no pixels"));
+        }
         Ok(Self(matches))
     }
 }

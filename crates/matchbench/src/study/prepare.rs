@@ -6,6 +6,8 @@ use std::slice;
 
 use serde_json::Value;
 
+use super::error::CORRECT;
+use super::names::check_name;
 use super::{MatchesFrom, Study, StudyDataset, StudyError};
 use crate::cache::FeatureCache;
 use crate::config::Changes;
@@ -13,8 +15,9 @@ use crate::datasets::{
     DatasetError, ImportReport, Problem, Sequence, camera_problems, pair_pose_problem,
 };
 use crate::exchange::{MatchSource, ReadOptions};
-use crate::external::{Manifest, StartError};
+use crate::external::{Manifest, ManifestError, StartError};
 use crate::files::place_of;
+use crate::front_door::SETTINGS;
 use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, RunSettings, Tuned};
@@ -166,6 +169,7 @@ impl Study {
                 tell(News::Problem(&problem));
             }
         }
+        self.check_manifests(&changes)?;
         let mut all_sources = sources_for(&self.matches, &datasets, tell)?;
         all_sources.extend(sources);
         for (dataset, asked) in datasets.iter_mut().zip(&self.datasets) {
@@ -241,6 +245,32 @@ impl Study {
         }
         let tuned = self.tuned.iter().map(|path| Tuned::read(path));
         Ok(tuned.collect::<Result<_, _>>()?)
+    }
+
+    /// Whether the manifests can be read and what `changes` has for them fits; errors of what the run file says name its
+    /// line.
+    fn check_manifests(&self, changes: &Changes) -> Result<(), StudyError> {
+        let names = self.all_matchers();
+        for name in names.iter().filter(|name| Manifest::is_path(name)) {
+            let place = self.manifests_at.get(name);
+            // What is wrong inside a manifest stands there, but not that there is none.
+            let place = place.filter(|_| !Path::new(name).exists());
+            let read = Manifest::read(Path::new(name), &built_in());
+            let read = read.map_err(|error| {
+                let what = format!("{}: {}", error.file.display(), error.what);
+                in_run_file(place, what, error)
+            })?;
+            if let Some(changes) = changes.of(&read.name) {
+                let place = self.set_at.get(&read.name);
+                read.with(changes).map_err(|error| {
+                    // Here it is no option that is wrong.
+                    let option = format!("{SETTINGS} ");
+                    let what = error.what.strip_prefix(&option).unwrap_or(&error.what);
+                    in_run_file(place, what.to_owned(), error)
+                })?;
+            }
+        }
+        Ok(())
     }
 
     /// The error, with the line of the run file or with the file of a tuning if it is about one of these.
@@ -353,22 +383,6 @@ fn open_matches(
     })
 }
 
-/// Checks that matches from files may have this name in tables. The name of something built in is refused,
-/// since the matches would appear beside real runs of it.
-fn check_name(name: &str) -> Result<(), StudyError> {
-    let plain = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-    let is_word = name.chars().all(plain) && name.starts_with(char::is_alphanumeric);
-    let what = if !is_word || name.len() > 64 {
-        "use up to 64 letters, digits, dashes, underscores and dots"
-    } else if built_in().takes(name) {
-        "that name is taken by what is built in; choose another, as in `colmap-sift`"
-    } else {
-        return Ok(());
-    };
-    let name = name.to_owned();
-    Err(StudyError::Name { name, what })
-}
-
 /// Opens the dataset; imports it first if it does not exist.
 fn open(
     asked: &StudyDataset,
@@ -381,6 +395,19 @@ fn open(
         at: asked.at.clone(),
         error: Box::new(error),
     })
+}
+
+/// What is wrong with a line of a run file, if there is a `place`; else the error, which is one of a manifest.
+fn in_run_file(place: Option<&(PathBuf, usize)>, what: String, error: ManifestError) -> StudyError {
+    match place {
+        None => error.into(),
+        Some((file, line)) => StudyError::File {
+            file: file.clone(),
+            line: Some(*line),
+            what,
+            remedy: CORRECT,
+        },
+    }
 }
 
 /// The id that a matcher of this name has in a run.
@@ -438,6 +465,44 @@ mod tests {
         let study = Study::parse(text, Path::new("study.toml")).unwrap();
         let error = prepare(&study);
         assert!(error.starts_with("study.toml:4: "), "{error}");
+    }
+
+    #[test]
+    fn what_a_run_file_says_of_manifests_is_named_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "name = 'mine'\ncommand = ['true']\nkind = 'features'\n";
+        std::fs::write(folder.path().join("mine.toml"), text).unwrap();
+        let refused = |text: &str| {
+            let file = folder.path().join("study.toml");
+            std::fs::write(&file, format!("out = 'run'\n{text}")).unwrap();
+            let study = Study::read(&file).unwrap();
+            let prepared = study.prepare_on(Vec::new(), Vec::new(), &|_| {});
+            (file, prepared.err().expect("it is wrong").to_string())
+        };
+        for (text, line, named) in [
+            ("matchers = ['sift',\n 'gone.toml']\n", 3, "gone.toml: "),
+            (
+                "[[dataset]]\npath = 'x'\nmatchers = ['gone.toml']\n",
+                4,
+                "gone.toml: ",
+            ),
+            (
+                "matchers = ['mine.toml']\n[set]\nmine.matching.ratoi = 1\n",
+                4,
+                ": mine.matching: unknown field `ratoi`",
+            ),
+        ] {
+            let (file, error) = refused(text);
+            let place = format!("{}:{line}: ", file.display());
+            assert!(
+                error.starts_with(&place) && error.contains(named),
+                "{error}"
+            );
+            assert!(
+                !error.contains("--set") && !error.contains("mine.toml"),
+                "{error}"
+            );
+        }
     }
 
     #[test]
