@@ -1,7 +1,7 @@
 //! Makes the [`Plan`] of a run from its datasets, contenders and settings, and refuses what contradicts
 //! itself.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use super::{Contender, Dataset, RunError, built_in};
 use crate::counted::counted;
@@ -121,19 +121,29 @@ fn matcher_plan(contender: &Contender) -> MatcherPlan {
     }
 }
 
-/// Names become names of folders and files, one for each.
+/// Names become names of folders and files, one for each, also where upper and lower case are not distinguished: a run
+/// may be copied there.
 fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), RunError> {
-    let mut seen = BTreeSet::new();
+    let mut seen = BTreeMap::new();
     for name in names {
         if let Err(wrong) = check_name(name) {
             return contradiction(format!(
                 "`{name}` cannot be the name of a {what}: it {wrong}"
             ));
         }
-        if !seen.insert(name) {
-            return contradiction(format!(
-                "two of the {what}s are called `{name}`; name it once, or rename one"
-            ));
+        match seen.insert(name.to_lowercase(), name) {
+            None => {}
+            Some(other) if other == name => {
+                return contradiction(format!(
+                    "two of the {what}s are called `{name}`; name it once, or rename one"
+                ));
+            }
+            Some(other) => {
+                return contradiction(format!(
+                    "the {what}s `{other}` and `{name}` would be one file where upper and lower case are not \
+                     distinguished, as on macOS and Windows; rename one"
+                ));
+            }
         }
     }
     Ok(())

@@ -353,6 +353,14 @@ fn what_cannot_be_a_run_is_refused() {
         "two of the datasets are called `street`",
     );
     refused(
+        |b| b.datasets[1].sequence.name = "Street".into(),
+        "the datasets `street` and `Street` would be one file",
+    );
+    refused(
+        |b| b.contenders[1] = Toy::default().contender("Bright", &["first"]),
+        "the matchers `bright` and `Bright` would be one file",
+    );
+    refused(
         |b| b.datasets[1].sequence.name = "../street".into(),
         "`../street` cannot be the name",
     );
