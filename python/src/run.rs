@@ -99,7 +99,7 @@ pub(crate) fn run(
     let files = counted(summary.unkept, "file");
     warnings.extend(unkept.map(|reason| format!("{reason}; not kept in the cache: {files}")));
     if summary.failed > 0 {
-        warnings.extend(reasons(&out, &summary));
+        warnings.extend(reasons(py, &out, &summary));
     }
     let RunSummary {
         total,
@@ -120,15 +120,20 @@ pub(crate) fn run(
 const REASONS: usize = 5;
 
 /// How many tasks of the run in the folder `out` failed, and the most frequent reasons.
-fn reasons(out: &Path, summary: &RunSummary) -> Vec<String> {
+fn reasons(py: Python<'_>, out: &Path, summary: &RunSummary) -> Vec<String> {
     let failed = format!(
         "{} of {} failed, counted as wrong",
         summary.failed,
         counted(summary.total, "task")
     );
     // The run is done; that its reasons cannot be read takes nothing from it.
-    let broken = RunFolder::open(out).ok().and_then(|run| run.broken().ok());
-    let reasons = broken.unwrap_or_default().into_iter().take(REASONS);
+    let broken = detached(py, || RunFolder::open(out).ok()?.broken().ok());
+    let reasons = broken
+        .ok()
+        .flatten()
+        .unwrap_or_default()
+        .into_iter()
+        .take(REASONS);
     let reasons = reasons.map(|broken| broken.to_string());
     iter::once(failed).chain(reasons).collect()
 }

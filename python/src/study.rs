@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use crate::callable::PythonMatcher;
 use crate::datasets::Dataset;
+use crate::detached::detached;
 use crate::errors::{error, value_error};
 use crate::estimators::Estimator;
 use crate::matchers::Matcher;
@@ -163,12 +164,12 @@ pub(crate) fn prepare(
     let datasets = datasets.iter().map(|dataset| dataset.get().inner.clone());
     let datasets: Vec<_> = datasets.collect();
     let mut warnings = Vec::new();
-    let prepared = py.detach(|| {
+    let prepared = detached(py, || {
         let told = RefCell::new(&mut warnings);
         study.prepare_on(datasets, sources, &|news| {
             warn(&news, &mut told.borrow_mut());
         })
-    });
+    })?;
     let prepared = prepared.map_err(refused)?;
     warnings.extend(prepared.absent.iter().map(ToString::to_string));
     Ok((prepared, warnings))

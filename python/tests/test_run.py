@@ -761,18 +761,27 @@ def test_whatever_runs_is_drawn(dataset, tmp_path):
         mb.show(dataset, a, b, broken)
 
 
-def test_a_forked_process_has_threads_of_its_own(dataset, command_line_run):
+def test_a_forked_process_has_threads_of_its_own(dataset, command_line_run, tmp_path):
     script = f"""
-import os, signal
+import os, signal, warnings
 import matchbench as mb
-image = mb.Dataset.open({str(dataset.path)!r}).read(0)
+dataset = mb.Dataset.open({str(dataset.path)!r})
+image = dataset.read(0)
 def work():
     return mb.ASIFT().extract(image).keypoints.tobytes(), mb.evaluate({str(command_line_run)!r})["auc"].tolist()
+def broken(a, b):
+    raise ValueError("out of luck")
+def run_breaks():
+    # So many records are read by several threads.
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run = mb.run(dataset, broken, "best", out={str(tmp_path / "run")!r}, repeat=60, progress=False)
+    return run.failed == 180 and any("out of luck" in str(warning.message) for warning in said)
 expected = work()
 child = os.fork()
 if child == 0:
     signal.alarm(60)
-    os._exit(0 if work() == expected == work() else 3)
+    os._exit(0 if work() == expected == work() and run_breaks() else 3)
 raise SystemExit(os.waitpid(child, 0)[1] != 0)
 """
     done = subprocess.run([sys.executable, "-c", script], timeout=120, capture_output=True, text=True)
