@@ -273,7 +273,7 @@ fn aligned<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     numpy.call_method1("require", (array, array.py().None(), ["A"]))
 }
 
-/// Pairs of indices: m x 2, each below its count.
+/// Pairs of indices: m x 2, each below its count, or an empty list.
 ///
 /// # Errors
 /// If they are anything else, or an index is out of range.
@@ -284,6 +284,10 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
     let whole = array_or(value, refuse)?;
     if whole.len() > 0 && !matches!(whole.dtype().kind(), b'i' | b'u') {
         return Err(refuse());
+    }
+    // An empty list is an array without columns.
+    if whole.shape() == [0] {
+        return Ok(Vec::new());
     }
     let array: PyArrayLike2<'_, i64, AllowTypeChange> = converted(&whole, refuse)?;
     let view = array.as_array();

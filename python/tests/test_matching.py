@@ -73,6 +73,8 @@ def test_selectors_keep_some_of_what_they_are_given(features, images, dataset):
     # Its candidates are several for each feature, so it makes them itself.
     simulated = [mb.ShearedSURF(views={"shears": 1}).extract(image[60:180, 80:240]) for image in images]
     assert len(mb.gaim(*simulated).indices) > 0
+    for none in (mb.Correspondences([], [], []), mb.Correspondences(np.zeros((0, 2), int), [], [])):
+        assert mb.gms(a, b, none).indices.shape == (0, 2) and len(mb.adalam(a, b, none)) == 0
     one = mb.Correspondences(np.array([[0, 0]]), np.ones(1, np.float32), np.full(1, 2, np.float32))
     with pytest.raises(ValueError, match="different kinds"):
         mb.adalam(a, mb.ORB().extract(images[1]), one)
