@@ -11,7 +11,8 @@
 //!    best is compared in the end with the poses that a plane of its inliers allows.
 //! 3. A final refinement over the matches near the result, with the loss of choice.
 //! 4. The inliers decide which of the four poses it is ([`choose_pose`]): those near enough to support one, or those at
-//!    any depth where fewer than a tenth are. Then all matches in front of both cameras are counted as its support.
+//!    any depth where fewer than a tenth are. Then all matches in front of both cameras are counted as its support. If no
+//!    match at all is near enough, there is no pose.
 //!
 //! | symbol | field | default | source |
 //! | --- | --- | --- | --- |
