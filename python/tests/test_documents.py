@@ -54,4 +54,4 @@ def test_the_script_of_the_book_runs(dataset, tmp_path, monkeypatch):
     shutil.copytree(dataset.path, tmp_path / "castle")
     monkeypatch.chdir(tmp_path)
     exec(compile(script, "matchers.md", "exec"), {"__name__": "book"})
-    assert len(list(tmp_path.glob("runs/first/records/*/orb_mutual+best.jsonl"))) == 1
+    assert len(list(tmp_path.glob("runs/python/records/*/orb_mutual+best.jsonl"))) == 1
