@@ -47,7 +47,7 @@ pub(super) fn share_beside_rivals(
         .iter()
         .filter_map(|essential| choose_pose(essential, near, f64::INFINITY))
         .map(|(start, _)| refined(&start))
-        .filter(|rival| degrees_between(rival, pose) >= apart)
+        .filter(|rival| rival.error(pose).max().to_degrees() >= apart)
         .collect();
     if rivals.is_empty() {
         return 1.0;
@@ -61,13 +61,6 @@ pub(super) fn share_beside_rivals(
         libm::exp(EACH_FURTHER * beyond_chance)
     };
     1.0 / (1.0 + rivals.iter().map(likelihood).sum::<f64>())
-}
-
-/// The larger one of the angles between rotations and between directions.
-fn degrees_between(pose: &RelativePose, other: &RelativePose) -> f64 {
-    let turn = pose.rotation.angle_to(&other.rotation);
-    let direction = pose.direction.angle(&other.direction);
-    turn.max(direction).to_degrees()
 }
 
 /// The sum of squared Sampson distances, none of which counts more than `limit`, and as much if a depth is negative.
@@ -130,7 +123,7 @@ mod tests {
             .map(|(pose, _)| pose)
             .collect();
         let (right, wrong): (Vec<_>, Vec<_>) =
-            (both.into_iter()).partition(|pose| degrees_between(pose, &truth()) < 10.0);
+            (both.into_iter()).partition(|pose| pose.error(&truth()).max().to_degrees() < 10.0);
         assert_eq!((right.len(), wrong.len()), (1, 1));
         for pose in [&right[0], &wrong[0]] {
             assert_eq!(share(pose, &pairs), 0.5);

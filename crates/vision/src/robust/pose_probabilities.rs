@@ -98,8 +98,8 @@ impl TwoViews<'_> {
     /// If the lists of the matches have different lengths.
     pub fn pose_probabilities(&self, b_from_a: &RelativePose) -> PoseProbabilities {
         let (pairs, focal) = (self.at_depth_1(), self.mean_focal());
-        let alone = pose_probabilities(&pairs, focal, b_from_a);
         let near = NearMatches::of(b_from_a, &pairs, focal);
+        let alone = near.probabilities(b_from_a, &pairs, focal);
         let variance = near.noise * near.noise;
         let share = share_beside_rivals(
             b_from_a,
@@ -142,6 +142,44 @@ impl NearMatches {
             noise: (sum / freedom as f64).sqrt().max(NOISE_PX / focal),
         }
     }
+
+    /// The probabilities of the pose that these matches of all `pairs` are near, without a look at the other pose that a
+    /// plane allows.
+    fn probabilities(
+        &self,
+        b_from_a: &RelativePose,
+        pairs: &PointPairs,
+        focal: f64,
+    ) -> PoseProbabilities {
+        let (near, noise) = (&self.pairs, self.noise);
+        let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
+        let cells = views.map(|(x, y)| occupied_cells(x, y, &self.indices));
+        let chance = views.map(|(x, y)| chance_near(x, y, NEAR_PX / focal));
+        let significance = significance(near.len(), pairs.len(), chance[0].max(chance[1]));
+        let overlap = probability(
+            OVERLAP,
+            [
+                significance.max(0.0) + 1.0,
+                cells[0].min(cells[1]) as f64 + 1.0,
+            ],
+        );
+        let overlap = if significance > 0.0 {
+            overlap
+        } else {
+            overlap.min(BY_CHANCE)
+        };
+        let (usual, squared_parallax) = of_usual_parallax(b_from_a, near);
+        let of_noise = MARGIN * 4.0 * noise * noise;
+        // Without parallax, or without a match, the difference is infinite or no number, and the share 0.
+        let of_scene = (1.0 - of_noise / squared_parallax).max(0.0);
+        let deviation = pose_deviation(b_from_a, &usual, noise, of_scene).to_degrees();
+        let noise_px = noise * focal;
+        let precise = probability(PRECISE, [deviation.max(1e-2), noise_px * noise_px]);
+        PoseProbabilities {
+            overlap,
+            right: overlap * precise,
+        }
+    }
 }
 
 /// As [`TwoViews::pose_probabilities`], by matches at depth 1, where `focal` pixels are a unit, and without a look at the
@@ -153,40 +191,7 @@ pub(super) fn pose_probabilities(
     b_from_a: &RelativePose,
 ) -> PoseProbabilities {
     let pairs = &pairs.without_covariances();
-    let NearMatches {
-        pairs: near,
-        indices,
-        noise,
-        ..
-    } = NearMatches::of(b_from_a, pairs, focal);
-
-    let views = [(&pairs.a_x, &pairs.a_y), (&pairs.b_x, &pairs.b_y)];
-    let cells = views.map(|(x, y)| occupied_cells(x, y, &indices));
-    let chance = views.map(|(x, y)| chance_near(x, y, NEAR_PX / focal));
-    let significance = significance(near.len(), pairs.len(), chance[0].max(chance[1]));
-    let overlap = probability(
-        OVERLAP,
-        [
-            significance.max(0.0) + 1.0,
-            cells[0].min(cells[1]) as f64 + 1.0,
-        ],
-    );
-    let overlap = if significance > 0.0 {
-        overlap
-    } else {
-        overlap.min(BY_CHANCE)
-    };
-    let (usual, squared_parallax) = of_usual_parallax(b_from_a, &near);
-    let of_noise = MARGIN * 4.0 * noise * noise;
-    // Without parallax, or without a match, the difference is infinite or no number, and the share 0.
-    let of_scene = (1.0 - of_noise / squared_parallax).max(0.0);
-    let deviation = pose_deviation(b_from_a, &usual, noise, of_scene).to_degrees();
-    let noise_px = noise * focal;
-    let precise = probability(PRECISE, [deviation.max(1e-2), noise_px * noise_px]);
-    PoseProbabilities {
-        overlap,
-        right: overlap * precise,
-    }
+    NearMatches::of(b_from_a, pairs, focal).probabilities(b_from_a, pairs, focal)
 }
 
 /// Logistic regression on the logarithms of `numbers`; the first weight is the constant term.
