@@ -104,14 +104,7 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
         .fill_buf()
         .map_err(|error| DatasetError::io(path, &error))?;
     let is_jpeg = head.starts_with(&JPEG_MAGIC);
-    decoded(|| {
-        if is_jpeg {
-            jpeg_header(reader).map(|decoder| jpeg_size(&decoder))
-        } else {
-            size_of_other(reader)
-        }
-    })
-    .map_err(|error| error.in_file(path))
+    size_in(reader, is_jpeg).map_err(|error| error.in_file(path))
 }
 
 /// Size of the image in `bytes`, from its header alone.
@@ -119,11 +112,15 @@ pub fn read_size(path: &Path) -> Result<Size, DatasetError> {
 /// # Errors
 /// If it is not that of an image.
 pub(crate) fn size_of_image(bytes: &[u8]) -> Result<Size, DecodeError> {
+    size_in(Cursor::new(bytes), bytes.starts_with(&JPEG_MAGIC))
+}
+
+fn size_in(reader: impl BufRead + Seek, is_jpeg: bool) -> Result<Size, DecodeError> {
     decoded(|| {
-        if bytes.starts_with(&JPEG_MAGIC) {
-            jpeg_header(Cursor::new(bytes)).map(|decoder| jpeg_size(&decoder))
+        if is_jpeg {
+            jpeg_header(reader).map(|decoder| jpeg_size(&decoder))
         } else {
-            size_of_other(Cursor::new(bytes))
+            size_of_other(reader)
         }
     })
 }
