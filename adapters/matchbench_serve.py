@@ -209,9 +209,13 @@ def _n_by_2(points):
     if points.ndim == 3 and 1 in points.shape[:2]:
         points = points.reshape(-1, points.shape[2])
     if points.ndim != 2 or points.shape[1] != 2:
-        shape = " x ".join(map(str, points.shape)) or "a single number"
-        raise ValueError(f"points: an array of shape {shape}; give n x 2 (x, y)")
+        raise ValueError(f"points: an array of shape {_shape(points)}; give n x 2 (x, y)")
     return points
+
+
+def _shape(array):
+    """The shape of an array in words."""
+    return " x ".join(map(str, array.shape)) or "a single number"
 
 
 def _certainty(given, count):
@@ -221,8 +225,7 @@ def _certainty(given, count):
         return np.ones(count)
     certainty = np.asarray(given, np.float64)
     if certainty.size != count or certainty.ndim == 0:
-        shape = " x ".join(map(str, certainty.shape)) or "a single number"
-        raise ValueError(f"certainty: an array of shape {shape} for {count} matches; give one for each")
+        raise ValueError(f"certainty: an array of shape {_shape(certainty)} for {count} matches; give one for each")
     certainty = certainty.ravel()
     outside = np.flatnonzero(~((certainty >= -1e-3) & (certainty <= 1 + 1e-3)))  # NaN too
     if len(outside):
