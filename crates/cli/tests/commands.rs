@@ -30,6 +30,21 @@ fn help_succeeds_and_bad_usage_is_bad_input() {
 }
 
 #[test]
+fn help_of_every_command_fits_into_a_hundred_columns() {
+    let all = text(&run(&["--help"]).stdout);
+    let (_, commands) = all.split_once("Commands:\n").expect("they are listed");
+    let (commands, _) = commands.split_once("\n\n").expect("options follow");
+    let names = (commands.lines()).filter_map(|line| line.strip_prefix("  ")?.split(' ').next());
+    let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
+    assert!(names.len() > 20, "{names:?}");
+    for name in names {
+        let help = text(&run(&[name, "--help"]).stdout);
+        let long = help.lines().find(|line| line.chars().count() > 100);
+        assert_eq!(long, None, "{name}");
+    }
+}
+
+#[test]
 fn list_names_every_parameter() {
     let out = text(&run(&["list"]).stdout);
     for expected in [

@@ -362,7 +362,11 @@ impl MatchesArgs {
     }
 }
 
+// As clap would write it, in lines of the usual width.
 #[derive(Debug, Args)]
+#[command(override_usage = "\
+matchbench tune [OPTIONS] --parameter <ESTIMATOR.NAME> --values <VALUES> --out <DIR>
+                       <--matchers <IDS>|--matches <NAME=PATH[,PATH]>> <DATASET>...")]
 #[command(after_help = "\
 Values are tried under the protocol `matchbench` alone, in images as they are. Under another
 protocol, which may have images of another size, another value may be best.
@@ -412,7 +416,11 @@ pub(crate) struct TuneArgs {
     pub files: MatchesArgs,
 }
 
+// As clap would write it, in lines of the usual width.
 #[derive(Debug, Args)]
+#[command(override_usage = "\
+matchbench show [OPTIONS] --out <FILE> <--matcher <ID>|--matches <NAME=PATH[,PATH]>>
+                       <DATASET> <A> <B>")]
 #[command(after_help = "\
 Lines join the selected matches. Their colour is the Sampson distance from the true epipolar
 geometry, or the distance from where the true homography takes the point: green below 1 pixel, blue
