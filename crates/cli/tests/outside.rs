@@ -517,6 +517,19 @@ fn a_check_keeps_its_log_where_the_folder_of_temporary_files_is_a_link() {
 }
 
 #[test]
+fn an_empty_name_of_the_folder_of_temporary_files_counts_as_none() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2);
+    let (manifest, _) = toy(folder.path());
+    let mut run = matchbench();
+    run.arg("run")
+        .args([&wall, Path::new("--matchers"), &manifest])
+        .args([Path::new("--out"), &folder.path().join("run")]);
+    let done = run.env("TMPDIR", "").output().expect("the program starts");
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+}
+
+#[test]
 fn while_a_program_starts_one_ctrl_c_ends_it_and_the_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3);

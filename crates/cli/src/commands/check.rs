@@ -1,6 +1,5 @@
 //! `matchbench check`: tries out a matcher from outside.
 
-use std::env;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
@@ -8,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use matchbench::datasets::Sequence;
 use matchbench::external::{self, Log, Verdict};
+use matchbench::files::temporary_files;
 use matchbench::run::manifest;
 
 use crate::Ending;
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<Ending> {
 /// belong to another user, or be a link to somebody's file.
 fn new_log(matcher: &str) -> Result<PathBuf> {
     let prefix = format!("matchbench-check-{matcher}-");
-    let folder = env::temp_dir();
+    let folder = temporary_files();
     // A log is not opened in a folder that is a link; this link is the user's own.
     let file = fs::canonicalize(&folder).and_then(|folder| {
         let mut file = tempfile::Builder::new();

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use matchbench::datasets::{DatasetError, Sequence, rendered};
+use matchbench::files::temporary_files;
 use matchbench::report::ReportOptions;
 use matchbench::study::{Study, StudyDataset};
 
@@ -112,5 +113,5 @@ fn cache_folder() -> PathBuf {
         .or_else(|| variable("XDG_CACHE_HOME").map(|folder| folder.join("matchbench")))
         .or_else(|| variable("HOME").map(|home| home.join(".cache/matchbench")))
         .or_else(|| variable("LOCALAPPDATA").map(|folder| folder.join("matchbench/cache")))
-        .unwrap_or_else(|| env::temp_dir().join("matchbench"))
+        .unwrap_or_else(|| temporary_files().join("matchbench"))
 }

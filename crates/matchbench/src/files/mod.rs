@@ -31,7 +31,7 @@ pub(crate) use names::check_name;
 pub(crate) use read::regular;
 pub(crate) use read::{LONGEST_LINE, read_file_as_told, read_lines, read_text_lines};
 pub use read::{open_file, read_file, read_text};
-pub use temporary::{TemporaryFolder, remove_temporary_folders};
+pub use temporary::{TemporaryFolder, remove_temporary_folders, temporary_files};
 pub(crate) use write::WholeFile;
 pub use write::write_whole;
 pub(crate) use write::{

@@ -22,7 +22,7 @@ impl TemporaryFolder {
     /// # Errors
     /// If it cannot be made.
     pub fn new() -> io::Result<Self> {
-        let parent = std::path::absolute(std::env::temp_dir())?;
+        let parent = std::path::absolute(temporary_files())?;
         // Held meanwhile: either it is seen when all are removed, or it is made later.
         let mut all = folders();
         let folder = (tempfile::Builder::new().prefix("matchbench-")).tempdir_in(parent)?;
@@ -45,6 +45,16 @@ impl Drop for TemporaryFolder {
     fn drop(&mut self) {
         folders().remove(self.path());
     }
+}
+
+/// The folder of the system for temporary files. A variable `TMPDIR` that is empty counts as none, as everywhere.
+pub fn temporary_files() -> PathBuf {
+    let folder = std::env::temp_dir();
+    if folder.as_os_str().is_empty() {
+        // Of the systems that ask this variable.
+        return "/tmp".into();
+    }
+    folder
 }
 
 /// Removes all temporary folders of this process, for one that is about to exit without dropping what it has.

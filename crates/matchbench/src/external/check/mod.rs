@@ -20,7 +20,7 @@ use points::{Judged, Mistake, NEAR_PX, SOUND, mistake};
 use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, Truth, read_size};
-use crate::files::TemporaryFolder;
+use crate::files::{TemporaryFolder, temporary_files};
 
 use super::answer::Matched;
 use super::log::Log;
@@ -87,8 +87,7 @@ pub fn check(
             "store the images turned and import them again",
         ));
     }
-    let folder =
-        TemporaryFolder::new().map_err(|error| unwritable(&std::env::temp_dir(), &error))?;
+    let folder = TemporaryFolder::new().map_err(|error| unwritable(&temporary_files(), &error))?;
     let start = Instant::now();
     let kind = manifest.kind;
     let external = match External::start(manifest, log) {
