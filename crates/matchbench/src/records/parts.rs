@@ -15,8 +15,9 @@ pub(super) const REPORT: &str = "report";
 pub(super) const LOGS: &str = "logs";
 pub(super) const LOCK: &str = ".lock";
 
-/// The folders in that of a run that it makes once its plan is written.
-const AFTER_PLAN: [&str; 5] = [
+/// What a run makes in its folder once its plan is written.
+const AFTER_PLAN: [&str; 6] = [
+    TUNING,
     earlier::FOLDER,
     matches::FOLDER,
     matches::INLIERS,
@@ -25,16 +26,7 @@ const AFTER_PLAN: [&str; 5] = [
 ];
 
 /// The other names in the folder of a run, or of a plan of shards, that belong to it.
-const OTHERS: [&str; 8] = [
-    PLAN,
-    TUNING,
-    TUNED,
-    CACHE,
-    LOCK,
-    LOGS,
-    store::FOLDER,
-    "shards",
-];
+const OTHERS: [&str; 7] = [PLAN, TUNED, CACHE, LOCK, LOGS, store::FOLDER, "shards"];
 
 /// Whether what is called so in the folder of a run, or of a plan of shards, belongs to it. Beside that others may keep files.
 fn is_part(name: &OsStr) -> bool {
@@ -115,6 +107,8 @@ mod tests {
         assert_eq!(stranger_in(folder), Some(folder.join("notes.txt")));
         fs::create_dir(folder.join("images")).unwrap();
         assert_eq!(in_the_way(folder), Some(folder.join("images")));
+        make(TUNING);
+        assert_eq!(in_the_way(folder), Some(folder.join(TUNING)));
         make(PLAN);
         assert_eq!(stranger_in(folder), None, "they stand beside a run");
         assert_eq!(in_the_way(folder), None, "it is of the run");
