@@ -39,7 +39,7 @@ pub use common::{REFINE, SIZES, build};
 pub use from_files::MatchesFrom;
 pub use source::{
     BuiltPointSource, Cancel, ImageFiles, LONGEST_STAGE, MAX_MATCHES, PointSource, Source,
-    SourceError, SourceSeconds, SourcedMatches, check_seconds,
+    SourceError, SourceSeconds, SourcedMatches, check_seconds, mostly_copies,
 };
 
 use crate::config::{self, ConfigError, Parameter, UnknownName};

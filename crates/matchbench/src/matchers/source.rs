@@ -34,6 +34,18 @@ pub fn check_seconds(seconds: f64) -> Result<(), String> {
     ))
 }
 
+/// How many of these matches (x and y in a, x and y in b) are different, if most of them are copies of others. A few copies
+/// are as it should be: a keypoint with two orientations may have two equal matches.
+pub fn mostly_copies(matches: impl Iterator<Item = [f32; 4]>) -> Option<usize> {
+    // Adding 0 makes one zero of both.
+    let bits = |place: [f32; 4]| place.map(|x| (x + 0.0).to_bits());
+    let mut places: Vec<[u32; 4]> = matches.map(bits).collect();
+    let all = places.len();
+    places.sort_unstable();
+    places.dedup();
+    (2 * places.len() < all).then_some(places.len())
+}
+
 /// The source of the matches of a contender.
 pub enum Source {
     /// Features are extracted, searched and selected.
@@ -172,5 +184,24 @@ impl Source {
             Self::Matcher(matcher) => Some(matcher),
             Self::Points(_) => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_half_must_be_copies_of_others() {
+        let of = |copies: usize, all: usize| {
+            let copies = (0..=copies).map(|i| [if i % 2 == 0 { 0.0 } else { -0.0 }, 0.0, 1.0, 2.0]);
+            mostly_copies(
+                copies
+                    .chain((1..).map(|i| [i as f32, 0.0, 1.0, 2.0]))
+                    .take(all),
+            )
+        };
+        assert_eq!([of(5, 10), of(6, 10), of(9, 10)], [None, Some(4), Some(1)]);
+        assert_eq!(of(0, 0), None);
     }
 }

@@ -21,6 +21,7 @@ use crate::counted::counted;
 use crate::datasets::rendered::{self, World, scenes};
 use crate::datasets::{DatasetError, Sequence, Truth, read_size};
 use crate::files::{TemporaryFolder, temporary_files};
+use crate::matchers::mostly_copies;
 
 use super::answer::Matched;
 use super::log::Log;
@@ -250,6 +251,7 @@ fn judge<'a>(
 ) {
     let mut judged = Vec::new();
     for (pair, matched) in answered {
+        tell_copies(pair, &matched.rows, tell);
         match can_be_judged(pair, &matched.rows) {
             Ok(matches) => judged.push(matches),
             Err(doubt) => tell(doubtful(format!("{}: {doubt}", names(pair.pair)))),
@@ -258,6 +260,19 @@ fn judge<'a>(
     let explanation = mistake(&judged);
     for matches in &judged {
         tell(judgement(matches, explanation.as_ref()));
+    }
+}
+
+/// Says whether most matches of a pair are copies of others.
+fn tell_copies(pair: &CheckPair, rows: &[[f32; 5]], tell: &mut dyn FnMut(Finding)) {
+    let places = rows.iter().map(|&[xa, ya, xb, yb, _]| [xa, ya, xb, yb]);
+    if let Some(different) = mostly_copies(places) {
+        tell(doubtful(format!(
+            "{}: of {} only {different} are different, and the rest are copies, each of which counts in the scores; answer each \
+             match once",
+            names(pair.pair),
+            counted(rows.len(), "match")
+        )));
     }
 }
 

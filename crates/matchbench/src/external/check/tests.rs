@@ -50,6 +50,12 @@ fn rows(pair: &CheckPair) -> Vec<[f32; 5]> {
 
 /// What is said last of these matches.
 fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
+    let last = all_told(pair, rows).pop().unwrap();
+    (last.verdict, last.text)
+}
+
+/// All that is said of these matches.
+fn all_told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> Vec<Finding> {
     let matched = Matched {
         rows,
         features: None,
@@ -59,8 +65,25 @@ fn told(pair: &CheckPair, rows: Vec<[f32; 5]>) -> (Verdict, String) {
     judge([(pair, &matched)].into_iter(), &mut |finding| {
         told.push(finding);
     });
-    let last = told.pop().unwrap();
-    (last.verdict, last.text)
+    told
+}
+
+#[test]
+fn copies_of_matches_are_told_and_a_few_are_not() {
+    let pair = check_pair(Size::new(640, 480), 500.0, moved([1.0, 0.0, 0.0], [0.0; 3]));
+    let rows = rows(&pair);
+    // As of keypoints with two orientations.
+    let twice = [&rows[..], &rows[..rows.len() / 3]].concat();
+    let said = all_told(&pair, twice);
+    assert!(matches!(&said[..], [one] if one.verdict == Verdict::Good));
+    let said = all_told(&pair, rows.repeat(100));
+    assert_eq!(said[0].verdict, Verdict::Doubtful);
+    let numbers = format!(
+        "of {} matches only {} are different",
+        100 * rows.len(),
+        rows.len()
+    );
+    assert!(said[0].text.contains(&numbers), "{}", said[0].text);
 }
 
 #[test]

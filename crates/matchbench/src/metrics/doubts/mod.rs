@@ -1,4 +1,4 @@
-//! Whether the truth of a dataset can be right.
+//! Whether the truth of a dataset can be right, and whether matches from outside are mostly [`copies`].
 //!
 //! Matches alone tell how probable it is that a pose is right ([`PoseProbabilities`](matchbench_vision::robust::PoseProbabilities)).
 //! Of the poses with a probability of at least [`CONFIDENT`], nearly all agree with a sound truth, also where
@@ -9,6 +9,7 @@
 //!
 //! Scores do not depend on any of this.
 
+mod copies;
 mod mistakes;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,6 +20,7 @@ use matchbench_vision::robust::RIGHT_POSE;
 use super::{Angle, ResultSet};
 use crate::datasets::{Pair, Sequence};
 use crate::records::{Outcome, RunFolder, StoreError};
+use copies::copies;
 use mistakes::{Mistake, mistakes};
 
 /// Probability of a pose to be right from which on it is confident.
@@ -57,7 +59,8 @@ struct Agreement {
 }
 
 /// Of each dataset of a run whose truth contradicts most of its confident poses a sentence: which mistake explains
-/// that, and what to do. `sets` are the results of the run.
+/// that, and what to do. Then a sentence of each matcher from outside whose matches are mostly copies of others. `sets` are the
+/// results of the run.
 ///
 /// # Errors
 /// If records of such a dataset cannot be read.
@@ -91,6 +94,7 @@ pub fn doubts(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreE
             judged.len()
         ));
     }
+    sentences.extend(copies(run, sets));
     Ok(sentences)
 }
 
