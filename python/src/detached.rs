@@ -3,13 +3,22 @@
 //! A forked process (`multiprocessing` forks on Linux) has none of the threads of its parent. Work given to the
 //! thread pool of the parent would wait for ever. So a forked process gets a pool of its own.
 
+use std::panic::resume_unwind;
 use std::process;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread;
+use std::time::Duration;
 
+use matchbench::memory::STACK;
+use matchbench::run::Cancel;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
 use crate::errors::error;
+
+/// How often the thread of the caller checks for Ctrl-C.
+pub(crate) const TICK: Duration = Duration::from_millis(50);
 
 /// The process that imported the package.
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
@@ -27,12 +36,65 @@ pub(crate) fn remember() {
 /// # Errors
 /// If a forked process cannot start threads.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    let this = process::id();
-    if IMPORTED_BY.get().is_none_or(|first| *first == this) {
-        return Ok(py.detach(work));
+    let pool = pool_if_forked()?;
+    Ok(py.detach(|| work_in(pool, work)))
+}
+
+/// Does the same in a thread of its own, while that of the caller checks for Ctrl-C. At the first one `cancel` is set, by
+/// which `work` may end sooner; it is raised when `work` has ended, whose result is dropped.
+///
+/// # Errors
+/// If a forked process cannot start threads; what a signal raises.
+pub(crate) fn interruptible<T: Send>(
+    py: Python<'_>,
+    cancel: &Cancel,
+    work: impl FnOnce() -> T + Send,
+) -> PyResult<T> {
+    let pool = pool_if_forked()?;
+    py.detach(|| {
+        thread::scope(|scope| {
+            let (done, waiting) = channel();
+            let worker = thread::Builder::new().stack_size(STACK);
+            let worker = worker.spawn_scoped(scope, move || {
+                // The receiver waits until this is sent.
+                let _ = done.send(work_in(pool, work));
+            })?;
+            let mut interrupted = None;
+            loop {
+                match waiting.recv_timeout(TICK) {
+                    Ok(result) => return interrupted.map_or(Ok(result), Err),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => {
+                        resume_unwind(worker.join().expect_err("it ended without a result"))
+                    }
+                }
+                if interrupted.is_none() {
+                    let signalled = Python::attach(|py| {
+                        py.check_signals()?;
+                        Ok::<_, PyErr>(())
+                    });
+                    interrupted = signalled.err();
+                    if interrupted.is_some() {
+                        cancel.set();
+                    }
+                }
+            }
+        })
+    })
+}
+
+fn work_in<T: Send>(pool: Option<Arc<ThreadPool>>, work: impl FnOnce() -> T + Send) -> T {
+    match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
     }
-    let pool = pool_of(this)?;
-    Ok(py.detach(|| pool.install(work)))
+}
+
+/// The pool of this process, if it was forked from the one that imported the package.
+fn pool_if_forked() -> PyResult<Option<Arc<ThreadPool>>> {
+    let this = process::id();
+    let is_forked = IMPORTED_BY.get().is_some_and(|first| *first != this);
+    is_forked.then(|| pool_of(this)).transpose()
 }
 
 fn pool_of(this: u32) -> PyResult<Arc<ThreadPool>> {

@@ -7,7 +7,6 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
-use std::time::Duration;
 
 use matchbench::config::Changes;
 use matchbench::counted::counted;
@@ -22,14 +21,11 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::datasets::Dataset;
-use crate::detached::detached;
+use crate::detached::{TICK, detached};
 use crate::errors::{error, value_error};
 use crate::integers::whole;
 use crate::progress::{Progress, State};
 use crate::study::{AnyEstimator, AnyMatcher, add_estimators, add_matchers, prepare};
-
-/// How often the thread of the caller checks for Ctrl-C.
-const TICK: Duration = Duration::from_millis(50);
 
 /// Numbers of tasks: in total, done before, done now, and failed.
 type Tasks = (usize, usize, usize, usize);
@@ -84,7 +80,7 @@ pub(crate) fn run(
     };
     let sources = add_matchers(&mut study, matchers, &cancel)?;
     add_estimators(&mut study, &estimators)?;
-    let (prepared, mut warnings) = prepare(py, &study, &datasets, sources)?;
+    let (prepared, mut warnings) = prepare(py, &study, &datasets, sources, &cancel)?;
     let observer = Progress::default();
     let run = prepared.run();
     let summary = listening(py, &run, &observer, &cancel, threads, progress.as_ref())?;

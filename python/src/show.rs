@@ -37,11 +37,12 @@ pub(crate) fn show<'py>(
         set: Changes::parse(&settings).map_err(value_error)?,
         ..Study::default()
     };
-    let sources = add_matchers(&mut study, vec![matcher], &Cancel::default())?;
+    let cancel = Cancel::default();
+    let sources = add_matchers(&mut study, vec![matcher], &cancel)?;
     add_estimators(&mut study, &estimators)?;
-    let (prepared, warnings) = match prepare(py, &study, &[dataset], sources) {
+    let (prepared, warnings) = match prepare(py, &study, &[dataset], sources, &cancel) {
         Err(refused) => {
-            if RunFolder::logs_at(folder.path()).exists() {
+            if RunFolder::logs_at(folder.path()).exists() && !cancel.is_set() {
                 // The message names a log in it.
                 folder.keep();
             }

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::callable::PythonMatcher;
 use crate::datasets::Dataset;
-use crate::detached::detached;
+use crate::detached::interruptible;
 use crate::errors::{error, value_error};
 use crate::estimators::Estimator;
 use crate::matchers::Matcher;
@@ -154,19 +154,20 @@ fn change(study: &mut Study, id: &str, given: &Value) -> PyResult<()> {
 }
 
 /// Builds and starts what the study names, and reads matches from files. Also returns warnings: what looks wrong, and
-/// which matchers could not be started.
+/// which matchers could not be started. Ctrl-C sets `cancel`, which ends programs that are not ready, and is raised.
 pub(crate) fn prepare(
     py: Python<'_>,
     study: &Study,
     datasets: &[Bound<'_, Dataset>],
     sources: Vec<BuiltPointSource>,
+    cancel: &Cancel,
 ) -> PyResult<(Prepared, Vec<String>)> {
     let datasets = datasets.iter().map(|dataset| dataset.get().inner.clone());
     let datasets: Vec<_> = datasets.collect();
     let mut warnings = Vec::new();
-    let prepared = detached(py, || {
+    let prepared = interruptible(py, cancel, || {
         let told = RefCell::new(&mut warnings);
-        study.prepare_on(datasets, sources, &|news| {
+        study.prepare_on(datasets, sources, cancel, &|news| {
             warn(&news, &mut told.borrow_mut());
         })
     })?;

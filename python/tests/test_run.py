@@ -703,6 +703,27 @@ except KeyboardInterrupt:
     assert recorded == 2 < len(dataset.pairs), "the pair in flight is finished, and no other begun"
 
 
+@pytest.mark.parametrize("call", ["run", "show"])
+def test_ctrl_c_while_a_program_starts(dataset, tmp_path, call):
+    (tmp_path / "slow.py").write_text("import time; open('started', 'w').close(); time.sleep(60)")
+    manifest = tmp_path / "slow.toml"
+    manifest.write_text(f'name = "slow"\ncommand = [{json.dumps(sys.executable)}, "slow.py"]\n')
+
+    def interrupt():
+        while not (tmp_path / "started").exists():
+            time.sleep(0.05)
+        _thread.interrupt_main()
+
+    threading.Thread(target=interrupt).start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        if call == "run":
+            mb.run(dataset, manifest, "best", out=tmp_path / "run", progress=False)
+        else:
+            mb.show(dataset, 0, 1, manifest)
+    assert time.monotonic() - begin < 30, "the program is not waited for"
+
+
 def test_ctrl_c_ends_a_command_that_has_nothing_to_finish(command_line_run):
     # It writes more than a pipe holds, and nobody reads on.
     words = [sys.executable, "-m", "matchbench", "report", command_line_run, "--bundle", "-"]

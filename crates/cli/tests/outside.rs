@@ -531,12 +531,23 @@ fn an_empty_name_of_the_folder_of_temporary_files_counts_as_none() {
 
 #[test]
 fn while_a_program_starts_one_ctrl_c_ends_it_and_the_run() {
+    assert_ends_while_it_starts(&["run", "--matchers"]);
+}
+
+#[test]
+fn while_a_program_starts_one_ctrl_c_ends_it_and_the_tuning() {
+    let parameter = "--parameter=best.threshold_px";
+    assert_ends_while_it_starts(&["tune", parameter, "--values=1,2", "--matchers"]);
+}
+
+/// One Ctrl-C ends this command and the program that is its last argument, which does not get ready.
+fn assert_ends_while_it_starts(command: &[&str]) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 3);
     let (manifest, home) = toy(folder.path());
     fs::write(home.join("toy.sh"), "echo $$ >> started; sleep 60\n").expect("writable");
     let mut child = matchbench()
-        .args(["run", "--matchers"])
+        .args(command)
         .arg(&manifest)
         .arg("--out")
         .args([&folder.path().join("run"), &wall])

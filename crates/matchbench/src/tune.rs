@@ -76,14 +76,15 @@ pub enum TuneError {
 /// `sources`, such as files.
 ///
 /// # Errors
-/// If the parameter, a value or a matcher is unknown, or if the run cannot start or continue.
+/// If the parameter, a value or a matcher is unknown, if the run cannot start or continue, or if `cancel` is set before a
+/// program is ready.
 pub fn tune(
     tuning: &Tuning<'_>,
     sources: Vec<BuiltPointSource>,
     observer: &dyn Observer,
     cancel: &Cancel,
 ) -> Result<TuningDone, TuneError> {
-    let contenders = variants(tuning, sources)?;
+    let contenders = variants(tuning, sources, cancel)?;
     let run = Run {
         settings: tuning.settings,
         cache: tuning.cache.clone(),
@@ -107,6 +108,7 @@ pub fn tune(
 fn variants(
     tuning: &Tuning<'_>,
     sources: Vec<BuiltPointSource>,
+    cancel: &Cancel,
 ) -> Result<Vec<Contender>, TuneError> {
     let parameter = tuning.parameter;
     let (id, name) = parameter.split_once('.').ok_or_else(|| {
@@ -144,6 +146,7 @@ fn variants(
     let outside = Outside {
         logs: &RunFolder::logs_at(tuning.folder),
         cache: tuning.cache,
+        cancel,
     };
     let (matchers, outside) = (tuning.matchers, Some(&outside));
     let (mut contenders, absent) =

@@ -7,15 +7,16 @@ use std::path::Path;
 use anyhow::Result;
 use matchbench::config::parse_value;
 use matchbench::records::{RunSettings, Tuned};
+use matchbench::run::ContenderError;
 use matchbench::study::sources_for;
-use matchbench::tune::{Tuning, tune};
+use matchbench::tune::{TuneError, Tuning, tune};
 use serde_json::Value;
 
 use super::job::{AFTER_PAIRS, cache, changes, check_names, open, tell, tell_news};
 use super::matches;
 use crate::Ending;
 use crate::args::TuneArgs;
-use crate::output::stdout;
+use crate::output::{say, stdout};
 use crate::progress::Progress;
 use crate::stop::Stop;
 
@@ -44,7 +45,13 @@ pub(crate) fn run(args: &TuneArgs) -> Result<Ending> {
     let bar = Progress::new();
     let done = tune(&tuning, sources, &bar, cancel);
     bar.finish();
-    let done = done?;
+    let done = match done {
+        Err(TuneError::Contender(ContenderError::Start(_))) if cancel.is_set() => {
+            say!("stopped before all matchers were ready; the same command begins anew");
+            return Ok(Ending::Stopped);
+        }
+        done => done?,
+    };
     let ending = tell(&done.summary, &args.out, cancel);
     match &done.tuned {
         Some(tuned) => ending.after(print(tuned, &args.parameter, &args.out)),

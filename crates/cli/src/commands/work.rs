@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use matchbench::datasets::Unpaired;
 use matchbench::protocols;
 use matchbench::records::{RunFolder, ShardPlan};
-use matchbench::run::{Contender, Dataset, Outside, Run, Shard};
+use matchbench::run::{Cancel, Contender, Dataset, Outside, Run, Shard};
 use matchbench::study::{MatchesFrom, sources_as_planned};
 
 use super::job::{AFTER_PAIRS, cache, changes, execute_run};
@@ -43,6 +43,8 @@ pub(crate) fn run(args: &WorkArgs) -> Result<Ending> {
     let outside = Outside {
         logs: &RunFolder::logs_at(&folder),
         cache: &cache,
+        // Nothing is half done yet: the first Ctrl-C ends the process.
+        cancel: &Cancel::default(),
     };
     let changes = changes(&asked.settings)?;
     let protocols = protocols::find_all(&asked.protocols)?;

@@ -107,6 +107,14 @@ impl External {
     /// # Errors
     /// If it does not get ready.
     pub fn start(manifest: Manifest, log: Log) -> Result<Self, StartError> {
+        Self::start_unless(manifest, log, &Cancel::default())
+    }
+
+    /// The same, until `cancel` is set: a program may load for minutes.
+    ///
+    /// # Errors
+    /// If it does not get ready, or not before.
+    pub fn start_unless(manifest: Manifest, log: Log, cancel: &Cancel) -> Result<Self, StartError> {
         let failed = |reason: String| StartError {
             name: manifest.name.clone(),
             reason,
@@ -116,7 +124,7 @@ impl External {
         let scratch = TemporaryFolder::new()
             .map_err(|error| failed(format!("no folder for its answers: {error}")))?;
         let outlived = Outlived::default();
-        let worker = Worker::start(&manifest, &log, &outlived).map_err(failed)?;
+        let worker = Worker::start(&manifest, &log, &outlived, cancel).map_err(failed)?;
         Ok(Self {
             identity: worker.identity().clone(),
             pool: Mutex::new(Pool {
@@ -321,7 +329,9 @@ impl External {
     }
 
     fn start_another(&self) -> Result<Worker, String> {
-        let worker = Worker::start(&self.manifest, &self.log, &self.outlived)?;
+        // Whoever asks was not stopped, and is to have its answer.
+        let never = Cancel::default();
+        let worker = Worker::start(&self.manifest, &self.log, &self.outlived, &never)?;
         if *worker.identity() == self.identity {
             return Ok(worker);
         }

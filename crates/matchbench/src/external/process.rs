@@ -10,6 +10,7 @@
 //! | --- | --- |
 //! | the matcher is done | `bye`, standard input closed, [`GRACE`] to go, then killed |
 //! | it misbehaves, or the host panics | killed |
+//! | whoever starts it is stopped before it is ready | killed |
 //! | Ctrl-C once | as done, after the pairs in flight: its group is not the terminal's |
 //! | Ctrl-C twice | the command line calls [`end_all`] before it exits; no other is started in its place |
 //! | the host is killed | its standard input closes, upon which it has to go |
@@ -31,6 +32,7 @@ use serde_json::Value;
 
 use super::lines::{self, read_line};
 use super::log::{Log, told};
+use crate::matchers::Cancel;
 
 /// Longest line of a child, in bytes.
 pub(super) const LONGEST_LINE: usize = 1 << 20;
@@ -107,6 +109,8 @@ pub(super) enum Silence {
     Timeout,
     /// It closed its standard output, which is what ending looks like, or has ended.
     Closed,
+    /// Whoever waits was stopped.
+    Stopped,
 }
 
 impl Process {
@@ -191,9 +195,12 @@ impl Process {
         self.lines.try_recv().is_ok()
     }
 
-    /// Waits until `deadline` for the next message.
-    pub(super) fn hear(&mut self, deadline: Instant) -> Result<Heard, Silence> {
+    /// Waits until `deadline` for the next message, or until `cancel` is set.
+    pub(super) fn hear(&mut self, deadline: Instant, cancel: &Cancel) -> Result<Heard, Silence> {
         loop {
+            if cancel.is_set() {
+                return Err(Silence::Stopped);
+            }
             let left = deadline.saturating_duration_since(Instant::now());
             match self.lines.recv_timeout(left.min(LOOK)) {
                 Ok(heard) => return Ok(heard),

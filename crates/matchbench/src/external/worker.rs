@@ -10,9 +10,13 @@ use super::log::{Log, told};
 use super::manifest::Manifest;
 use super::message::{Answer, PROTOCOL, Request, Subject};
 use super::process::{Heard, LONGEST_LINE, Outlived, Process, Silence};
+use crate::matchers::Cancel;
 
 /// Letters of a name or version.
 const LONGEST_NAME: usize = 200;
+
+/// Why there is no child where whoever starts it was stopped.
+const STOPPED: &str = "it was stopped before it was ready";
 
 /// What a child says of itself: part of the plan of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +61,7 @@ impl From<String> for Fault {
 }
 
 impl Worker {
-    /// Starts a child and waits until it is ready.
+    /// Starts a child and waits until it is ready, unless `cancel` is set before.
     ///
     /// # Errors
     /// If it does not get ready, in words.
@@ -65,7 +69,11 @@ impl Worker {
         manifest: &Manifest,
         log: &Log,
         outlived: &Outlived,
+        cancel: &Cancel,
     ) -> Result<Self, String> {
+        if cancel.is_set() {
+            return Err(STOPPED.into());
+        }
         let mut process = Process::start(&manifest.command, manifest.folder(), log, outlived)?;
         let hello = Request::Hello {
             protocol: PROTOCOL,
@@ -73,7 +81,8 @@ impl Worker {
         };
         process.send(hello.to_line()?);
         let start = Instant::now();
-        match greeting(&mut process, start + manifest.start_timeout, manifest) {
+        let deadline = start + manifest.start_timeout;
+        match greeting(&mut process, deadline, manifest, cancel) {
             Ok(identity) => Ok(Self {
                 process,
                 identity,
@@ -101,7 +110,10 @@ impl Worker {
         }
         let start = Instant::now();
         self.process.send(line);
-        let wrong = match hear(&mut self.process, start + self.timeout, self.timeout) {
+        // A question that was asked is answered, also where the run is stopped.
+        let never = Cancel::default();
+        let deadline = start + self.timeout;
+        let wrong = match hear(&mut self.process, deadline, self.timeout, &never) {
             Err(wrong) => wrong,
             Ok(answer) => match (answer.subject(), answer) {
                 (Some(subject), Answer::Failed { reason, .. }) if request.is_about(&subject) => {
@@ -144,8 +156,9 @@ fn greeting(
     process: &mut Process,
     deadline: Instant,
     manifest: &Manifest,
+    cancel: &Cancel,
 ) -> Result<Identity, Problem> {
-    let answer = hear(process, deadline, manifest.start_timeout).map_err(Problem::Wrong)?;
+    let answer = hear(process, deadline, manifest.start_timeout, cancel).map_err(Problem::Wrong)?;
     let (protocol, name, version, pixel_center) = match answer {
         Answer::Ready {
             protocol,
@@ -179,12 +192,18 @@ fn greeting(
 }
 
 /// The next answer, or why there is none.
-fn hear(process: &mut Process, deadline: Instant, timeout: Duration) -> Result<Answer, String> {
-    match process.hear(deadline) {
+fn hear(
+    process: &mut Process,
+    deadline: Instant,
+    timeout: Duration,
+    cancel: &Cancel,
+) -> Result<Answer, String> {
+    match process.hear(deadline, cancel) {
         Ok(Heard::Message(message)) => parse(&message),
         Ok(Heard::Flood) => Err(format!("it wrote a line of more than {LONGEST_LINE} bytes")),
         Err(Silence::Timeout) => Err(format!("no answer within {} s", timeout.as_secs_f64())),
         Err(Silence::Closed) => Err("it ended without an answer".into()),
+        Err(Silence::Stopped) => Err(STOPPED.into()),
     }
 }
 

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::Path;
 
-use super::{Dataset, Run};
+use super::{Cancel, Dataset, Run};
 use crate::cache::FeatureCache;
 use crate::config::{Changes, ConfigError, UnknownName, together};
 use crate::estimators::{self, BuiltEstimator, ESTIMATORS};
@@ -32,13 +32,15 @@ pub struct Contender {
     pub estimators: Vec<Variant>,
 }
 
-/// Where matchers from outside leave what they print, and the features that they describe.
+/// Where matchers from outside leave what they print, and the features that they describe, and what stops their start.
 #[derive(Clone, Copy, Debug)]
 pub struct Outside<'a> {
     /// The folder of their logs.
     pub logs: &'a Path,
     /// The cache of features.
     pub cache: &'a FeatureCache,
+    /// Stops programs that are being started, which may take minutes.
+    pub cancel: &'a Cancel,
 }
 
 /// An estimator under the name that it has in a run.
@@ -195,7 +197,7 @@ impl Contender {
                 let manifest = manifest(Path::new(name), changes)?;
                 let estimators = built(manifest.estimator.as_deref().unwrap_or("ransac-e"))?;
                 let log = outside.logs.join(format!("{}.log", manifest.name));
-                match External::start(manifest, Log::open(&log)?) {
+                match External::start_unless(manifest, Log::open(&log)?, outside.cancel) {
                     Err(error) => absent.push(error),
                     Ok(external) => contenders.push(Self {
                         source: Source::Points(

@@ -22,7 +22,8 @@ use crate::matchers::{self, BuiltPointSource, expanded};
 use crate::protocols;
 use crate::records::{KeepMatches, Plan, RunFolder, RunSettings, Tuned};
 use crate::run::{
-    Contender, ContenderError, Dataset, Outside, Run, built_in, default_estimators, manifest,
+    Cancel, Contender, ContenderError, Dataset, Outside, Run, built_in, default_estimators,
+    manifest,
 };
 
 /// A study that is ready to run: its datasets are open, and its matchers are built.
@@ -120,11 +121,12 @@ impl Study {
         let datasets = (self.datasets.iter())
             .map(|dataset| open(dataset, open_dataset, tell))
             .collect::<Result<Vec<_>, _>>()?;
-        self.prepare_tuned(datasets, Vec::new(), tuned, tell)
+        self.prepare_tuned(datasets, Vec::new(), tuned, &Cancel::default(), tell)
     }
 
     /// The same on `datasets` that are open already, in the order of those of the study if it names any, and with
-    /// further `sources` of matches, which come last.
+    /// further `sources` of matches, which come last. Once `cancel` is set, no program is waited for any more that is not
+    /// ready; it counts as one that does not start.
     ///
     /// # Errors
     /// As [`Study::prepare`].
@@ -132,9 +134,10 @@ impl Study {
         &self,
         datasets: Vec<Dataset>,
         sources: Vec<BuiltPointSource>,
+        cancel: &Cancel,
         tell: &dyn Fn(News<'_>),
     ) -> Result<Prepared, StudyError> {
-        self.prepare_tuned(datasets, sources, self.checked()?, tell)
+        self.prepare_tuned(datasets, sources, self.checked()?, cancel, tell)
     }
 
     fn prepare_tuned(
@@ -142,6 +145,7 @@ impl Study {
         mut datasets: Vec<Dataset>,
         sources: Vec<BuiltPointSource>,
         tuned: Vec<Tuned>,
+        cancel: &Cancel,
         tell: &dyn Fn(News<'_>),
     ) -> Result<Prepared, StudyError> {
         let folder = self.folder()?;
@@ -189,6 +193,7 @@ impl Study {
         let outside = Outside {
             logs: &RunFolder::logs_at(folder),
             cache: &cache,
+            cancel,
         };
         let estimators = self.estimators_for(&datasets);
         let (contenders, absent) = Contender::from_names(
@@ -476,7 +481,7 @@ mod tests {
             let file = folder.path().join("study.toml");
             std::fs::write(&file, format!("out = 'run'\n{text}")).unwrap();
             let study = Study::read(&file).unwrap();
-            let prepared = study.prepare_on(Vec::new(), Vec::new(), &|_| {});
+            let prepared = study.prepare_on(Vec::new(), Vec::new(), &Cancel::default(), &|_| {});
             (file, prepared.err().expect("it is wrong").to_string())
         };
         for (text, line, named) in [
@@ -537,7 +542,9 @@ mod tests {
         };
         let estimators = |study: &Study, pairs: &[Pair]| {
             let datasets = pairs.iter().map(|&pair| dataset(pair)).collect();
-            let prepared = study.prepare_on(datasets, Vec::new(), &|_| {}).unwrap();
+            let prepared = study
+                .prepare_on(datasets, Vec::new(), &Cancel::default(), &|_| {})
+                .unwrap();
             let names = |contender: &Contender| contender.estimators[0].name.clone();
             let used: Vec<String> = prepared.contenders.iter().map(names).collect();
             (prepared.estimators, used)
