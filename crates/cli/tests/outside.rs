@@ -472,6 +472,21 @@ fn a_program_that_hangs_while_the_user_stops_the_run_is_waited_for_once() {
 }
 
 #[test]
+fn a_run_that_is_suspended_blames_no_program() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", 2);
+    let (manifest, home) = toy(folder.path());
+    let text = fs::read_to_string(&manifest).expect("readable");
+    fs::write(&manifest, text.replace("= 20", "= 4")).expect("writable");
+    let suspend = "(sleep 5; kill -CONT $PPID) & kill -STOP $PPID; sleep 6\n";
+    fs::write(home.join("break"), suspend).expect("writable");
+    let toy = manifest.to_str().expect("UTF-8");
+    let asked = ["run", "--matchers", toy, "--out"];
+    let done = output(&asked, &[&folder.path().join("run"), &wall]);
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+}
+
+#[test]
 fn a_program_that_ended_is_not_waited_for_though_another_holds_its_output() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let wall = dataset(folder.path(), "wall", 2);

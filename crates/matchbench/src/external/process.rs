@@ -44,6 +44,8 @@ const WAITING: usize = 16;
 const GRACE: Duration = Duration::from_secs(3);
 /// How often a child that is waited for is looked at.
 const LOOK: Duration = Duration::from_millis(200);
+/// A look that took so much longer than it was to take: meanwhile this process was stopped.
+const PAUSE: Duration = Duration::from_secs(2);
 /// How long the last words of a child that has ended are waited for.
 const LAST_WORDS: Duration = Duration::from_millis(300);
 
@@ -195,16 +197,28 @@ impl Process {
         self.lines.try_recv().is_ok()
     }
 
-    /// Waits until `deadline` for the next message, or until `cancel` is set.
-    pub(super) fn hear(&mut self, deadline: Instant, cancel: &Cancel) -> Result<Heard, Silence> {
+    /// Waits until `deadline` for the next message, or until `cancel` is set. Time in which this process is stopped does not
+    /// count.
+    pub(super) fn hear(
+        &mut self,
+        mut deadline: Instant,
+        cancel: &Cancel,
+    ) -> Result<Heard, Silence> {
         loop {
             if cancel.is_set() {
                 return Err(Silence::Stopped);
             }
-            let left = deadline.saturating_duration_since(Instant::now());
-            match self.lines.recv_timeout(left.min(LOOK)) {
+            let start = Instant::now();
+            let left = deadline.saturating_duration_since(start);
+            let heard = self.lines.recv_timeout(left.min(LOOK));
+            // A job that is suspended and goes on later is no fault of the child.
+            let paused = start.elapsed().saturating_sub(LOOK);
+            let paused = Some(paused).filter(|paused| *paused >= PAUSE);
+            deadline += paused.unwrap_or_default();
+            match heard {
                 Ok(heard) => return Ok(heard),
                 Err(RecvTimeoutError::Disconnected) => return Err(Silence::Closed),
+                Err(RecvTimeoutError::Timeout) if paused.is_some() => {}
                 Err(RecvTimeoutError::Timeout) if left <= LOOK => return Err(Silence::Timeout),
                 Err(RecvTimeoutError::Timeout) if group::has_ended(&mut self.child) => {
                     // What it started holds its output open: but for what it said last, nothing will come.
