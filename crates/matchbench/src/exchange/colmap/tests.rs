@@ -92,6 +92,23 @@ fn a_homography_is_written_in_the_pixels_of_colmap_from_the_smaller_number_of_an
 }
 
 #[test]
+fn a_pair_in_both_orders_is_refused_before_anything_is_written() {
+    let (folder, sequence) = dataset();
+    let pair = |frames| PairExport {
+        frames,
+        points: MatchedPoints::default(),
+        two_view: None,
+    };
+    let export = Export::new(&sequence, [(0, 1), (0, 2), (1, 0)].map(pair).into()).unwrap();
+    let out = folder.path().join("both");
+    let format = FORMATS.iter().find(|format| format.id == "colmap").unwrap();
+    let error = format.write(&out, &export).unwrap_err().to_string();
+    let expected = "the pairs 0 1 and 1 0 are one pair of a COLMAP database; leave one";
+    assert!(error.contains(expected), "{error}");
+    assert!(!out.join("database.db").exists());
+}
+
+#[test]
 fn a_database_tells_how_far_keypoints_turned_and_grew() {
     // Both forms of COLMAP's keypoints: scale and orientation, and an affine shape of these.
     let four = |angle: f32| vec![2.0 * angle, angle];

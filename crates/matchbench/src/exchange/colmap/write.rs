@@ -4,6 +4,7 @@
 //! The schema is the one that COLMAP had before rigs and frames; newer versions of COLMAP add what is
 //! missing when they open it.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use matchbench_vision::geometry::{Camera, Lens, RelativePose, essential_from_pose};
@@ -72,9 +73,23 @@ pub(super) fn write(folder: &Path, export: &Export<'_>) -> Result<Vec<PathBuf>, 
     let path = folder.join("database.db");
     let unwritable = |error: &dyn std::fmt::Display| ExchangeError::unwritable(&path, error);
     let names = export.distinct_names(str::to_owned)?;
+    check_distinct(&path, export)?;
     let bytes = database(export, &names).map_err(|error| unwritable(&error))?;
     write_new(&path, &bytes).map_err(|error| unwritable(&error))?;
     Ok(vec![path])
+}
+
+/// COLMAP has one place for the matches of two images, in whichever order they are a pair.
+fn check_distinct(path: &Path, export: &Export<'_>) -> Result<(), ExchangeError> {
+    let mut seen = HashSet::new();
+    for (a, b) in export.pairs.iter().map(|pair| pair.frames) {
+        if !seen.insert((a.min(b), a.max(b))) {
+            let what = format!("the pairs {b} {a} and {a} {b} are one pair of a COLMAP database");
+            let remedy = "leave one of the two out of the dataset, or export in another format";
+            return Err(ExchangeError::new(path, what, remedy));
+        }
+    }
+    Ok(())
 }
 
 fn database(export: &Export<'_>, names: &[String]) -> rusqlite::Result<Vec<u8>> {
