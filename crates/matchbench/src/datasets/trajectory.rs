@@ -79,6 +79,12 @@ impl Association {
     }
 }
 
+/// What has times, in the order of these; what has the same stays as it is.
+pub(super) fn in_order_of_time<T>(mut timed: Vec<(f64, T)>) -> impl Iterator<Item = T> {
+    timed.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    timed.into_iter().map(|(_, it)| it)
+}
+
 /// Reads a trajectory in TUM's format, sorted by time.
 pub(super) fn parse_tum(file: &TextFile) -> Result<Vec<TimedPose>, DatasetError> {
     let mut poses = parse_tum_lines(file)?;

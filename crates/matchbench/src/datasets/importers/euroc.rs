@@ -7,7 +7,7 @@
 //! pixels count from the first one's centre) and
 //! `mav0/state_groundtruth_estimate0/data.csv` (nanoseconds, position in metres, quaternion w x y z,
 //! and more, of the body). world_from_camera = world_from_body * T_BS. An image takes the state nearest in
-//! time, or an interpolated one. Images without a state are reported and left out.
+//! time, or an interpolated one; frames are in the order of time. Images without a state are reported and left out.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use nalgebra::Isometry3;
 use super::list::check_camera_size;
 use super::{ImportOptions, Imported, base_name, images_left_out, list};
 use crate::datasets::text::{self, TextFile};
-use crate::datasets::trajectory::TimedPose;
+use crate::datasets::trajectory::{TimedPose, in_order_of_time};
 use crate::datasets::{About, DatasetError, Frame};
 
 /// The cameras of the rig; the first is read if none is asked for.
@@ -50,13 +50,14 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         let (time, image) = parsed.map_err(|what| images.error_at(line, what))?;
         match association.pose_at(&trajectory, time) {
             None => left_out.push(image.to_owned()),
-            Some(world_from_body) => frames.push(Frame::with_pose(
-                sensor.join("data").join(image),
-                camera,
-                world_from_body * body_from_camera,
-            )),
+            Some(world_from_body) => {
+                let image = sensor.join("data").join(image);
+                let pose = world_from_body * body_from_camera;
+                frames.push((time, Frame::with_pose(image, camera, pose)));
+            }
         }
     }
+    let frames: Vec<Frame> = in_order_of_time(frames).collect();
     if let Some(size) = resolution
         && let Some(frame) = frames.iter().find(|frame| frame.image.is_file())
     {

@@ -2,10 +2,11 @@
 //!
 //! Images are in the folder or in its `images/`, `Images/` or `rgb/`, in natural order (`img2` before `img10`).
 //! `poses.txt` has one camera-to-world line per image, in that order: 12 numbers (KITTI), the 16 of a 4x4 matrix, or
-//! `time tx ty tz qx qy qz qw` (TUM). Commas may separate numbers. The times in it are normally ignored. But if the images are named by
-//! their times (`1341847980.722988.png`) and the poses are in TUM's format, images and poses are associated by
-//! time. Otherwise a folder that has images in formats that are not read too (`3.gif`) is refused, since a line might
-//! be theirs. `camera.txt` or `K.txt` holds K, optionally followed by `k1 k2 p1 p2 [k3]`.
+//! `time tx ty tz qx qy qz qw` (TUM). Commas may separate numbers. The times in it are normally ignored. But if the
+//! images are named by their times (`1341847980.722988.png`) and the poses are in TUM's format, images and poses are
+//! associated by time, and frames are in the order of time. Otherwise a folder that has images in formats that are not
+//! read too (`3.gif`) is refused, since a line might be theirs. `camera.txt` or `K.txt` holds K, optionally followed by
+//! `k1 k2 p1 p2 [k3]`.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,9 @@ use super::{
 };
 use crate::counted::counted;
 use crate::datasets::text::TextFile;
-use crate::datasets::trajectory::{parse_4x4, parse_kitti, parse_tum, parse_tum_lines};
+use crate::datasets::trajectory::{
+    in_order_of_time, parse_4x4, parse_kitti, parse_tum, parse_tum_lines,
+};
 use crate::datasets::{About, DatasetError, Frame};
 use crate::front_door::{INTERPOLATE, TOLERANCE};
 
@@ -43,10 +46,10 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     )?;
     let mut frames = Vec::new();
     let mut left_out = Vec::new();
-    for (image, pose) in images.into_iter().zip(poses) {
+    for (image, (time, pose)) in images.into_iter().zip(poses) {
         match pose {
             None => left_out.push(own_name(&image)),
-            Some(pose) => frames.push(Frame::with_pose(image, camera, pose)),
+            Some(pose) => frames.push((time, Frame::with_pose(image, camera, pose))),
         }
     }
     let notes = [
@@ -59,7 +62,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes: notes.into_iter().flatten().collect(),
             ..About::default()
         },
-        ..Imported::of(frames)
+        ..Imported::of(in_order_of_time(frames).collect())
     })
 }
 
@@ -70,13 +73,16 @@ fn folder_of_images(src: &Path) -> PathBuf {
         .unwrap_or_else(|| src.to_owned())
 }
 
-/// The pose of every image; beside the images are others, `unread`.
+/// The time of an image, or its number where images have no times, and its pose if it has one.
+type Timed = (f64, Option<Isometry3<f64>>);
+
+/// The poses of all images; beside these are others, `unread`.
 fn poses(
     file: &TextFile,
     images: &[PathBuf],
     unread: &[String],
     options: &ImportOptions<'_>,
-) -> Result<Vec<Option<Isometry3<f64>>>, DatasetError> {
+) -> Result<Vec<Timed>, DatasetError> {
     let association = options.association()?;
     let columns = file
         .rows()
@@ -88,7 +94,7 @@ fn poses(
                 let trajectory = parse_tum(file)?;
                 return Ok(times
                     .into_iter()
-                    .map(|time| association.pose_at(&trajectory, time))
+                    .map(|time| (time, association.pose_at(&trajectory, time)))
                     .collect());
             }
             let lines = parse_tum_lines(file)?;
@@ -137,7 +143,8 @@ fn poses(
             "give one line per image, or name the images by their times",
         ));
     }
-    Ok(poses.into_iter().map(Some).collect())
+    let numbered = poses.into_iter().enumerate();
+    Ok(numbered.map(|(i, pose)| (i as f64, Some(pose))).collect())
 }
 
 /// The times in the names of the images, if all images are named by times.

@@ -228,3 +228,42 @@ fn the_camera_of_tum_is_told_by_the_name_of_a_link_or_of_its_folder() {
         assert_eq!(found.ok(), fx, "{}", link.display());
     }
 }
+
+#[test]
+fn frames_are_in_the_order_of_time() {
+    let x = |frame: &Frame| frame.world_from_camera.unwrap().translation.x;
+    let poses = "1.8 2 0 0 0 0 0 1\n1.7 0 0 0 0 0 0 1\n1.722 1 0 0 0 0 0 1\n10.1 3 0 0 0 0 0 1\n";
+    // Fractions of seconds that have unlike many digits are in another order by their names.
+    let folder = [
+        ("1.7.png", ""),
+        ("1.722.png", ""),
+        ("1.8.png", ""),
+        ("10.1.png", ""),
+        ("K.txt", "20 0 12\n0 20 8\n0 0 1\n"),
+        ("poses.txt", poses),
+    ];
+    let tum = [
+        ("rgb.txt", "1.8 c.png\n10.1 d.png\n1.7 a.png\n1.722 b.png\n"),
+        ("groundtruth.txt", poses),
+        ("a.png", ""),
+        ("b.png", ""),
+        ("c.png", ""),
+        ("d.png", ""),
+    ];
+    let sensor = "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nintrinsics: [20, 20, 12, 8]\n\
+                  distortion_model: radial-tangential\ndistortion_coefficients: [0, 0, 0, 0]\n";
+    let euroc = [
+        ("cam0/sensor.yaml", sensor),
+        ("cam0/data.csv", "30,c.png\n40,d.png\n10,a.png\n20,b.png\n"),
+        (
+            "state_groundtruth_estimate0/data.csv",
+            "40,3,0,0,1,0,0,0\n30,2,0,0,1,0,0,0\n20,1,0,0,1,0,0,0\n10,0,0,0,1,0,0,0\n",
+        ),
+    ];
+    for (kind, files) in [("folder", &folder[..]), ("tum", &tum), ("euroc", &euroc)] {
+        let (_folder, src) = source("freiburg1", files);
+        let found = read_source(kind, &src, &ImportOptions::default()).unwrap();
+        let xs: Vec<f64> = found.frames.iter().map(x).collect();
+        assert_eq!(xs, [0.0, 1.0, 2.0, 3.0], "{kind}");
+    }
+}

@@ -2,11 +2,11 @@
 //! RGB-D SLAM Systems", IROS 2012).
 //!
 //! `rgb.txt` lists times and image files, `groundtruth.txt` times and poses of the colour camera. An image
-//! takes the pose nearest in time ([`Association`](super::Association)). With the default tolerance of 0.02 s
-//! this reproduces every digit of the paper's sequence 01. Images without a pose are reported and left out. If
-//! there is a `depth.txt`, an image takes the depth nearest in time, within the same tolerance, if its file
-//! exists. Depth is registered to the colour image. The published calibrations of the colour cameras are chosen
-//! by the name of the folder:
+//! takes the pose nearest in time ([`Association`](super::Association)), and frames are in the order of time. With
+//! the default tolerance of 0.02 s this reproduces every digit of the paper's sequence 01. Images without a pose are
+//! reported and left out. If there is a `depth.txt`, an image takes the depth nearest in time, within the same
+//! tolerance, if its file exists. Depth is registered to the colour image. The published calibrations of the colour
+//! cameras are chosen by the name of the folder:
 //!
 //! | name | fx | fy | cx | cy | k1 | k2 | p1 | p2 | k3 |
 //! | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -20,7 +20,7 @@ use matchbench_vision::geometry::{Camera, Distortion, Lens};
 
 use super::{ImportOptions, Imported, base_name, given_camera, images_left_out, own_name};
 use crate::datasets::text::TextFile;
-use crate::datasets::trajectory::parse_tum;
+use crate::datasets::trajectory::{in_order_of_time, parse_tum};
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
 /// "The depth images are scaled by a factor of 5000", in metres; 0 is no measurement.
@@ -51,7 +51,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
                     path: path.clone(),
                     unit: DEPTH,
                 });
-                frames.push(Frame::with_pose(image, camera, pose).with_depth(depth));
+                let frame = Frame::with_pose(image, camera, pose);
+                frames.push((time, frame.with_depth(depth)));
             }
         }
     }
@@ -62,7 +63,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             notes: images_left_out(&without, &left_out).into_iter().collect(),
             ..About::default()
         },
-        ..Imported::of(frames)
+        ..Imported::of(in_order_of_time(frames).collect())
     })
 }
 
