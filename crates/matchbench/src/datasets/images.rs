@@ -169,7 +169,10 @@ pub(super) fn unread_image_files(
 }
 
 /// The visible files of a folder with one of these endings, in natural order.
-fn files_ending_in(extensions: &[&str], folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+pub(super) fn files_ending_in(
+    extensions: &[&str],
+    folder: &Path,
+) -> Result<Vec<PathBuf>, DatasetError> {
     let entries = fs::read_dir(folder).map_err(|error| DatasetError::io(folder, &error))?;
     let mut files = Vec::new();
     for entry in entries {

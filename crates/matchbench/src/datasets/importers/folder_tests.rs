@@ -267,3 +267,26 @@ fn frames_are_in_the_order_of_time() {
         assert_eq!(xs, [0.0, 1.0, 2.0, 3.0], "{kind}");
     }
 }
+
+#[test]
+fn files_that_are_hidden_are_none_of_a_list() {
+    // As archives of macOS have them beside each file.
+    let numbers = "0.9 0.8 20 0 12 0 20 8 0 0 1 21 0 12 0 21 8 0 0 1 1 0 0 2 0 1 0 0 0 0 1 0";
+    let pair = format!("0.png 1.png {numbers}");
+    let zeb = [("s_0_1.txt", &*pair), ("._s_0_1.txt", "\0\u{5}\u{16}\u{7}")];
+    let shift = "1 0 3.5\n0 1 0\n0 0 1\n";
+    let evd = [
+        ("1/fox.png", ""),
+        ("2/fox.png", ""),
+        ("h/fox.txt", shift),
+        ("h/._fox.txt", "\0\u{5}\u{16}\u{7}"),
+    ];
+    for (kind, files) in [("zeb", &zeb[..]), ("evd", &evd)] {
+        let (_folder, src) = source(kind, files);
+        let found = read_source(kind, &src, &ImportOptions::default()).unwrap();
+        assert_eq!(found.pairs.unwrap().len(), 1, "{kind}");
+    }
+    let (_folder, src) = source("megadepth", &[("._a.npz", "\0\u{5}\u{16}\u{7}")]);
+    let error = read_source("megadepth", &src, &ImportOptions::default()).unwrap_err();
+    assert!(error.what.starts_with("there is neither"), "{error}");
+}

@@ -19,8 +19,8 @@
 //! `depths/NAME.h5` beside `views.txt`. It has the unit of length of the poses.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::iter;
 use std::path::{Path, PathBuf};
-use std::{fs, iter};
 
 use matchbench_vision::geometry::Camera;
 use matchbench_vision::image::Size;
@@ -30,6 +30,7 @@ use super::colmap::lens;
 use super::list::{NamedFrames, camera, check_camera_size, from_corner, size};
 use super::pickle::{Id, Pickled, Value};
 use super::{ImportOptions, Imported, base_name};
+use crate::datasets::images::files_ending_in;
 use crate::datasets::pairs::relative_pose;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, DepthFile, DepthUnit, Frame, Pair, Turn};
@@ -90,13 +91,9 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     Ok(Imported::listed(origin, frames.into_frames(), pairs))
 }
 
-/// The `.npz` files of a folder, sorted by name.
+/// The visible `.npz` files of a folder, sorted by name.
 fn pickles(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    let entries = fs::read_dir(folder).map_err(|error| DatasetError::io(folder, &error))?;
-    let mut files: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|extension| extension == "npz"))
-        .collect();
+    let mut files = files_ending_in(&["npz"], folder)?;
     files.sort();
     if files.is_empty() {
         return Err(DatasetError::new(

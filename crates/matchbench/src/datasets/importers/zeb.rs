@@ -7,7 +7,6 @@
 //! unchanged, since it is used with pixels counted from the centre of the first one. Pairs are in the order of
 //! the names of the files. The overlaps are not used.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
@@ -15,15 +14,12 @@ use nalgebra::Isometry3;
 use super::list::{NamedFrames, camera};
 use super::{ImportOptions, Imported, base_name};
 use crate::counted::counted;
+use crate::datasets::images::files_ending_in;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{DatasetError, Pair, Turn};
 
 pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, DatasetError> {
-    let entries = fs::read_dir(src).map_err(|error| DatasetError::io(src, &error))?;
-    let mut files: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.extension().is_some_and(|extension| extension == "txt"))
-        .collect();
+    let mut files = files_ending_in(&["txt"], src)?;
     files.sort();
     let root = options.root(src);
     let mut frames = NamedFrames::default();
