@@ -54,6 +54,7 @@ impl DatasetError {
         let remedy = match error.kind() {
             io::ErrorKind::NotFound => "check the path",
             io::ErrorKind::PermissionDenied => "check the permissions",
+            io::ErrorKind::InvalidData => "save it as text in UTF-8",
             io::ErrorKind::StorageFull => "free some space and try again",
             // With a NUL in it, or too long.
             io::ErrorKind::InvalidInput | io::ErrorKind::InvalidFilename => {

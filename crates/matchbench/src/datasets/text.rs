@@ -273,6 +273,25 @@ mod tests {
     }
 
     #[test]
+    fn text_in_utf_16_is_to_be_saved_as_another() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let little: Vec<u8> = "\u{feff}0 1\r\n"
+            .encode_utf16()
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        let big: Vec<u8> = "\u{feff}0 1"
+            .encode_utf16()
+            .flat_map(u16::to_be_bytes)
+            .collect();
+        for text in [little, big] {
+            std::fs::write(file.path(), text).unwrap();
+            let error = TextFile::read(file.path()).unwrap_err();
+            assert_eq!(error.what, "text in UTF-16, not in UTF-8");
+            assert_eq!(error.remedy, "save it as text in UTF-8");
+        }
+    }
+
+    #[test]
     fn irregular_text_is_read() {
         let file = TextFile::new(
             Path::new("t"),

@@ -2,6 +2,7 @@
 //! b, and perhaps a score, higher is better. White space or commas separate; `#` begins a comment.
 //! It says nothing about the centre of the first pixel.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::names::PairName;
@@ -55,6 +56,9 @@ impl Source for Text {
             return Err(ExchangeError::damaged(path, "it is larger than 1 GiB"));
         }
         let bytes = read_lines(path, LONGEST_LINE).map_err(|error| match error {
+            LineError::Io(error) if error.kind() == io::ErrorKind::InvalidData => {
+                ExchangeError::new(path, error, "save it as text in UTF-8")
+            }
             LineError::Io(error) => unreadable(error),
             LineError::TooLong { line, what } => wrong((line, what)),
         })?;

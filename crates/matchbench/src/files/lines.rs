@@ -15,10 +15,13 @@ const BLOCK: u64 = 1 << 20;
 /// Least number of lines that a thread parses at a time, so that it works more than it waits.
 const MIN_LINES: usize = 64;
 
+/// What a text in UTF-16 begins with, as some programs of Windows write it.
+const UTF_16: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
+
 /// Why lines cannot be read.
 #[derive(Debug)]
 pub(crate) enum LineError {
-    /// The file cannot be read.
+    /// The file cannot be read, or is not in UTF-8.
     Io(io::Error),
     /// A line is longer than allowed.
     TooLong {
@@ -67,7 +70,7 @@ impl<R: Read> LineBlocks<R> {
     /// The next block of lines that have an end; `None` if there are no more.
     ///
     /// # Errors
-    /// If the file cannot be read, or a line is too long.
+    /// If the file cannot be read, is in UTF-16, or a line is too long.
     pub(crate) fn next_block(&mut self) -> Result<Option<LineBlock<'_>>, LineError> {
         self.bytes.drain(..self.seen);
         self.seen = 0;
@@ -77,6 +80,11 @@ impl<R: Read> LineBlocks<R> {
                 let mut part = (&mut self.reader).take(BLOCK);
                 let read = part.read_to_end(&mut self.bytes).map_err(LineError::Io)?;
                 self.is_at_end = read == 0;
+            }
+            if self.lines == 0 && UTF_16.iter().any(|mark| self.bytes.starts_with(mark)) {
+                let what = "text in UTF-16, not in UTF-8";
+                let error = io::Error::new(io::ErrorKind::InvalidData, what);
+                return Err(LineError::Io(error));
             }
             if let Some(last) = memrchr(b'\n', &self.bytes[new..]) {
                 break new + last + 1;
