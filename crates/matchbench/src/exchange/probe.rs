@@ -60,7 +60,7 @@ impl Probe {
         };
         let kind = |path: &Path| match magic(path)? {
             Some((_, kind)) => Ok(kind),
-            None if path.extension() == Some(OsStr::new("txt")) => Ok("text"),
+            None if ending_of(path) == "txt" => Ok("text"),
             None => Err(ExchangeError::new(
                 path,
                 "it is no .npz, HDF5, SQLite or .txt file",
@@ -137,8 +137,7 @@ fn files_in(folder: &Path) -> Result<Option<(Vec<PathBuf>, usize)>, ExchangeErro
     let (mut files, mut others) = (Vec::new(), 0);
     for path in visible(folder)? {
         let path = path?;
-        let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
-        if ENDINGS.contains(&ending) {
+        if ENDINGS.contains(&&*ending_of(&path)) {
             files.push(path);
         } else if path.is_file() {
             others += 1;
@@ -157,6 +156,12 @@ fn files_in(folder: &Path) -> Result<Option<(Vec<PathBuf>, usize)>, ExchangeErro
         passed_over -= files.len();
     }
     Ok((!files.is_empty()).then_some((files, passed_over)))
+}
+
+/// The ending of a file's name, in small letters.
+fn ending_of(path: &Path) -> String {
+    let ending = path.extension().and_then(OsStr::to_str);
+    ending.unwrap_or_default().to_ascii_lowercase()
 }
 
 /// The names of the pair in the name of a file, if it is called as SuperGlue calls matches.
@@ -218,6 +223,15 @@ mod tests {
         let said = Probe::new(&[folder.path().to_owned()], "castle");
         let said = said.err().expect("one is damaged").to_string();
         assert!(said.contains("0_1.npz: it is no .npz"), "{said}");
+    }
+
+    #[test]
+    fn endings_may_be_of_capital_letters() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        fs::write(folder.path().join("0_1.TXT"), "1 2 3 4\n").expect("writable");
+        let probe = Probe::new(&[folder.path().to_owned()], "castle").expect("it is a text");
+        assert_eq!(probe.files.len(), 1);
+        assert!(matches!(probe.content, Content::Text));
     }
 
     #[test]
