@@ -116,7 +116,7 @@ pub(super) fn refer_to_images(
 }
 
 /// The path without links; if the image does not exist yet, the path unchanged.
-pub(super) fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
+fn real_path(image: &Path) -> Result<PathBuf, DatasetError> {
     let path = match fs::canonicalize(image) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => std::path::absolute(image),
         found => found,

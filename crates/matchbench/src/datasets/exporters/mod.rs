@@ -129,23 +129,25 @@ fn stored_camera(frame: &Frame) -> Result<(Camera, Size), DatasetError> {
     Ok((camera, stored))
 }
 
-/// The folder that contains all images, and the name of each relative to it, with `/`.
+/// The folder that contains all images, and the name of each relative to it, with `/`. An image that is a link is called
+/// as the link is, since exported matches have that name too.
 fn names(sequence: &Sequence) -> Result<(PathBuf, Vec<String>), DatasetError> {
     let paths = (sequence.frames.iter())
-        .map(|frame| super::bring::real_path(&frame.image))
+        .map(|Frame { image, .. }| {
+            std::path::absolute(image).map_err(|error| DatasetError::io(image, &error))
+        })
         .collect::<Result<Vec<_>, _>>()?;
     let root = super::bring::common_folder(&paths);
     let name = |path: &PathBuf| {
         let relative = path.strip_prefix(&root).unwrap_or(path);
-        let parts: Vec<_> = relative.iter().map(|part| part.to_string_lossy()).collect();
-        let name = parts.join("/");
+        let parts: Option<Vec<&str>> = relative.iter().map(|part| part.to_str()).collect();
+        let cannot_say = |has: &str| {
+            let what = format!("the name of the image {has}, which this layout cannot say");
+            DatasetError::new(path, what, "rename the image or its folder")
+        };
+        let name = (parts.ok_or_else(|| cannot_say("is not UTF-8"))?).join("/");
         if name.contains(char::is_whitespace) {
-            let what = "the name of the image has a space, which this layout cannot say";
-            return Err(DatasetError::new(
-                path,
-                what,
-                "rename the image or its folder",
-            ));
+            return Err(cannot_say("has a space"));
         }
         Ok(name)
     };
@@ -192,6 +194,33 @@ mod tests {
             superglue.leaves_out(&sequence),
             ["2 frames in no pair", "the absolute pose of 5 frames"]
         );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_image_that_is_a_link_is_called_as_the_link_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let camera = Camera::pinhole(20.0, 20.0, 10.0, 10.0);
+        std::fs::create_dir(at("Images")).unwrap();
+        let frames = [0, 1].map(|index| {
+            let (real, link) = (
+                at(&format!("{index}.PGM")),
+                at(&format!("Images/000{index}.pgm")),
+            );
+            std::fs::write(&real, "P5 2 1 255 ab").unwrap();
+            std::os::unix::fs::symlink(real, &link).unwrap();
+            Frame::with_pose(link, camera, Isometry3::identity())
+        });
+        let sequence = Sequence {
+            name: "room".into(),
+            frames: frames.into(),
+            pairs: vec![Pair::with_pose(0, 1, Isometry3::identity())],
+        };
+        let root = export("colmap", &sequence, &at("model")).unwrap();
+        assert_eq!(root, at("Images"));
+        let pairs = std::fs::read_to_string(at("model/pairs.txt")).unwrap();
+        assert_eq!(pairs, "0000.pgm 0001.pgm\n");
     }
 
     #[test]
