@@ -97,6 +97,10 @@ mod tests {
 
     /// 200 matches, all but `off` of them on one plane, with noise of a standard deviation of 0.0005.
     fn matches(off: usize) -> PointPairs {
+        noisy(off, 0.0005)
+    }
+
+    fn noisy(off: usize, deviation: f64) -> PointPairs {
         let mut rng = Seed(4).rng();
         let pairs = (0..200).map(|i| {
             let a = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
@@ -104,7 +108,7 @@ mod tests {
             let plane = 4.0 / ray.dot(&Vector3::new(0.3, -0.2, 1.0));
             let depth = if i < off { 0.6 * plane } else { plane };
             let x = truth().rotation * (ray * depth) + truth().direction.into_inner();
-            let mut noise = || 0.0005 * rng.normal();
+            let mut noise = || deviation * rng.normal();
             (a, Point2::new(x.x / x.z + noise(), x.y / x.z + noise()))
         });
         pairs.collect()
@@ -136,5 +140,56 @@ mod tests {
     #[test]
     fn no_match_at_all_has_no_rival() {
         assert_eq!(share(&truth(), &PointPairs::default()), 1.0);
+    }
+
+    /// Without noise all costs are known: each match off the plane costs the rival as much as any can.
+    #[test]
+    fn each_standard_deviation_beyond_two_makes_a_pose_more_likely_by_a_factor() {
+        let (limit, most) = (1e-4_f64, 64.0);
+        let share = |pose: &RelativePose, pairs: &PointPairs| {
+            let squared = limit * limit;
+            share_beside_rivals(pose, pairs, squared, squared / most, 10.0)
+        };
+        for off in [0, 1, 2, 3] {
+            let pairs = noisy(off, 0.0);
+            // The variance of 200 costs is 2 * 200 of either pose.
+            let deviations = f64::from(off as u32) * most / 800.0_f64.sqrt();
+            let expected = 1.0 / (1.0 + (-2.0 * (deviations - 2.0).max(0.0)).exp());
+            let found = share(&truth(), &pairs);
+            assert!((found - expected).abs() < 1e-6, "{off}: {found} {expected}");
+            let other = plane_poses(&pairs, limit * limit, &mut Seed(1).rng())
+                .iter()
+                .filter_map(|essential| choose_pose(essential, &pairs, f64::INFINITY))
+                .find(|(pose, _)| pose.error(&truth()).max().to_degrees() > 10.0);
+            let found = share(&other.expect("a plane allows two poses").0, &pairs);
+            assert!((found + expected - 1.0).abs() < 1e-6, "{off}: {found}");
+            // The pose that is given counts as what it is refined to.
+            let near = RelativePose {
+                rotation: truth().rotation * UnitQuaternion::from_euler_angles(3e-5, 0.0, 0.0),
+                ..truth()
+            };
+            let found = share(&near, &pairs);
+            assert!((found - expected).abs() < 1e-6, "{off}: {found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_match_behind_either_camera_costs_as_much_as_one_far_from_its_line() {
+        let along = |z: f64| RelativePose {
+            rotation: UnitQuaternion::identity(),
+            direction: UnitVector3::new_normalize(Vector3::new(0.0, 0.0, z)),
+        };
+        let cost = |z: f64, a: [f64; 2], b: [f64; 2]| {
+            let pairs = [(Point2::from(a), Point2::from(b))].into_iter().collect();
+            squared_distances(&along(z), &pairs, 0.01)
+        };
+        // At depth 3, and 4 from the camera that stepped back; then 0.03 beside its line.
+        assert!(cost(1.0, [0.4, 0.0], [0.3, 0.0]) < 1e-30);
+        let beside = (0.4_f64 * 0.03).powi(2) / (0.16 + 0.09 + 0.0009);
+        assert!((cost(1.0, [0.4, 0.0], [0.3, 0.03]) - beside).abs() < 1e-12);
+        // On its line, and half a baseline behind a or behind b alone.
+        assert_eq!(cost(1.0, [0.2, 0.0], [-0.2, 0.0]), 0.01);
+        assert_eq!(cost(-1.0, [0.2, 0.0], [-0.2, 0.0]), 0.01);
+        assert_eq!(cost(1.0, [0.4, 0.0], [0.0, 0.9]), 0.01);
     }
 }
