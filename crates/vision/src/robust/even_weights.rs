@@ -82,3 +82,46 @@ fn crowds(x: &[f64], y: &[f64], cells: u32, far: f64) -> Vec<u32> {
     }
     cells.iter().map(|&cell| crowds[cell as usize]).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::robust::grid::NOTHING_IS_FAR;
+
+    /// Matches at the corners of a square in one view; in the other the first two are at one corner.
+    fn crowded(in_b: bool, trust: Option<&[f64]>) -> Vec<f64> {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(Point2::from);
+        let crowd = [corners[0], corners[0], corners[2], corners[3]];
+        let (a, b) = if in_b {
+            (corners, crowd)
+        } else {
+            (crowd, corners)
+        };
+        let pairs: PointPairs = a.into_iter().zip(b).collect();
+        let weights = EvenWeights::new(&pairs, 10, NOTHING_IS_FAR, trust);
+        assert!((weights.sum(0..4) - 4.0).abs() < 1e-12);
+        assert!((weights.sum(1..3) - weights.of(1..3).iter().sum::<f64>()).abs() < 1e-12);
+        weights.of(0..4).to_vec()
+    }
+
+    #[test]
+    fn a_crowd_in_either_view_weighs_the_root_of_its_number_and_less_where_it_is_not_trusted() {
+        for in_b in [false, true] {
+            for (trust, parts) in [
+                (None, [0.5_f64.sqrt(), 0.5_f64.sqrt(), 1.0, 1.0]),
+                (
+                    Some([0.5, 1.0, 0.25, 1.0]),
+                    [0.5 * 0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.25, 1.0],
+                ),
+            ] {
+                let found = crowded(in_b, trust.as_ref().map(|trust| &trust[..]));
+                let scale = 4.0 / parts.iter().sum::<f64>();
+                for (found, part) in found.iter().zip(parts) {
+                    assert!((found - scale * part).abs() < 1e-12, "{found} {part}");
+                }
+            }
+        }
+    }
+}

@@ -244,4 +244,24 @@ mod tests {
             f64::NEG_INFINITY
         );
     }
+
+    #[test]
+    fn of_equally_good_models_the_first_stays_first() {
+        let problem = two_places(None);
+        let mut kept = Hypotheses::new(3);
+        for place in [0.0, 1.0, 1.05, 2.0, 3.0] {
+            kept.add(&problem, &place, 5.0);
+        }
+        assert_eq!(kept.kept, [(0.0, 5.0), (1.0, 5.0), (2.0, 5.0)]);
+    }
+
+    #[test]
+    fn what_refinement_makes_worse_replaces_nothing() {
+        // Trusted, 60 * 0.5 and 50 * 0.9; of these 50 * 0.9 * 0.36 are left where their place is rounded.
+        let mut problem = two_places(Some(0.5));
+        for datum in &mut problem.data[60..] {
+            *datum += 0.08;
+        }
+        assert_eq!(found(&problem, 9), 0.0);
+    }
 }

@@ -181,4 +181,23 @@ mod tests {
         // Nothing is known, so the one with more matches wins.
         assert!(error(8, &known(false, false)) > 20.0);
     }
+
+    #[test]
+    fn what_would_be_seen_from_behind_is_not_trusted() {
+        let pairs = [(Point2::new(0.1, 0.0), Point2::origin()); 2]
+            .into_iter()
+            .collect();
+        let trust = |turn: f64| -> Vec<f64> {
+            let pose = RelativePose {
+                rotation: UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn),
+                direction: UnitVector3::new_normalize(Vector3::x()),
+            };
+            let changes = KeypointChanges::default();
+            changes
+                .trust_in(&pose, &pairs, &[0, 1], &[-1.0, f64::INFINITY])
+                .collect()
+        };
+        assert_eq!(trust(0.1), [1.0; 2]);
+        assert_eq!(trust(PI), [0.0; 2]);
+    }
 }

@@ -136,4 +136,30 @@ mod tests {
             assert!(sample.windows(2).all(|w| w[0] < w[1]));
         }
     }
+
+    #[test]
+    fn with_fewer_than_twice_as_many_cells_as_a_sample_needs_all_matches_are_equally_likely() {
+        // 9 or 10 places, the last of them crowded by 91 of 99 or 100 matches.
+        let in_the_crowd = |places: i32| {
+            let pairs: PointPairs = (0..90 + places)
+                .map(|i| {
+                    let at = f64::from(i.min(places - 1));
+                    (Point2::new(at, at), Point2::origin())
+                })
+                .collect();
+            let mut spread = SpreadSampler::new(&pairs, 20);
+            let mut rng = Seed(1).rng();
+            let mut sample = [0; 5];
+            let first = places as u32 - 1;
+            let mut drawn = 0;
+            for _ in 0..2000 {
+                spread.draw(&mut rng, &mut sample);
+                drawn += sample.iter().filter(|&&i| i >= first).count();
+            }
+            drawn
+        };
+        // Of 10000, 91 / 99 and 1 / 10.
+        assert!(in_the_crowd(9).abs_diff(9192) < 150);
+        assert!(in_the_crowd(10).abs_diff(1000) < 150);
+    }
 }

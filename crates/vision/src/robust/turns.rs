@@ -135,4 +135,41 @@ mod tests {
             "{trust:?}"
         );
     }
+
+    fn of_degrees(degrees: &[f32]) -> Vec<f64> {
+        let turns: Vec<f32> = degrees.iter().map(|turn| turn.to_radians()).collect();
+        trust(&turns)
+    }
+
+    #[test]
+    fn none_is_trusted_more_than_those_of_the_common_turn() {
+        // No arc of 90 degrees has more than five. The mean direction of the first, at 35 degrees, has three within 45: a density
+        // of 12, and that of the twelve beyond is 16.
+        let groups = [
+            (2.5, 3),
+            (87.5, 2),
+            (142.5, 3),
+            (182.5, 2),
+            (267.5, 3),
+            (322.5, 2),
+        ];
+        let turns = groups.map(|(turn, count)| vec![turn; count]).concat();
+        assert_eq!(of_degrees(&turns), [1.0; 15]);
+    }
+
+    #[test]
+    fn of_arcs_with_as_many_turns_the_first_is_the_common_one() {
+        // Densities of 1 / 0.25 within and 1 / 0.75 beyond.
+        let trust = of_degrees(&[250.0, 100.0]);
+        assert_eq!((trust[0], trust[1]), (1.0 / 3.0, 1.0));
+    }
+
+    #[test]
+    fn the_common_turn_is_in_the_middle_of_its_bin() {
+        let mut turns = vec![2.5; 200];
+        turns.extend([47.0, -42.0, 48.0, -43.0]);
+        let trust = of_degrees(&turns);
+        assert_eq!(trust[200..202], [1.0; 2]);
+        assert!(trust[202..].iter().all(|&trust| trust < 0.1), "{trust:?}");
+    }
 }
