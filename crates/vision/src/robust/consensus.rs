@@ -513,6 +513,60 @@ mod tests {
         assert_eq!(samples_needed(1.0, 1.0, 5, PARAMS), 0);
         assert_eq!(samples_needed(0.0, 1.0, 5, PARAMS), 1000);
         assert_eq!(samples_needed(0.01, 1.0, 5, PARAMS), 1000);
+        // To the nearest number: log 0.001 / log(1 - 1/4) is 24.01. A right model that is rejected in one of two cases is worth
+        // half of a sample: log 0.001 / log(1 - 1/64) is 438.6.
+        assert_eq!(samples_needed(0.5, 1.0, 2, PARAMS), 24);
+        assert_eq!(samples_needed(0.5, 0.5, 5, PARAMS), 439);
+    }
+
+    /// The place of one datum after the other.
+    struct InTurn(u32);
+
+    impl Sampling for InTurn {
+        fn draw(&mut self, _: &mut Rng, sample: &mut [u32]) {
+            sample[0] = self.0 % 10;
+            self.0 += 1;
+        }
+    }
+
+    /// Places of data on a line.
+    struct Places([f64; 10]);
+
+    impl Problem for Places {
+        type Model = f64;
+        type Models = Solutions<f64, 1>;
+        const SAMPLE: usize = 1;
+
+        fn len(&self) -> usize {
+            self.0.len()
+        }
+
+        fn solve(&self, sample: &[u32]) -> Self::Models {
+            let mut places = Solutions::none();
+            places.push(self.0[sample[0] as usize]);
+            places
+        }
+
+        fn squared_residuals(&self, place: &f64, range: Range<usize>, out: &mut [f64]) {
+            for (out, datum) in out.iter_mut().zip(&self.0[range]) {
+                *out = (datum - place) * (datum - place);
+            }
+        }
+    }
+
+    #[test]
+    fn the_number_of_samples_never_grows() {
+        // Nine data are within 1 of the first, which is enough after three samples. The next place is better, and has four.
+        let data = [
+            0.0, 0.95, 0.95, 0.95, -0.95, -0.95, -0.95, -0.95, -0.95, 9.0,
+        ];
+        let score = Msac {
+            squared_threshold: 1.0,
+        };
+        let rng = &mut Seed(1).rng();
+        let found = consensus(&Places(data), &score, &mut InTurn(0), PARAMS, rng).expect("a place");
+        assert_eq!((found.model, found.support.inliers), (0.95, 4));
+        assert_eq!(found.samples, 3);
     }
 
     #[test]
@@ -524,5 +578,18 @@ mod tests {
         for inlier_ratio in [1.0, 0.5, 1e-3, 5e-4, 0.0] {
             assert_eq!(samples_needed(inlier_ratio, 1.0, 5, params), 0);
         }
+    }
+
+    #[test]
+    fn a_model_counts_without_what_is_impossible() {
+        // Of the line y = 0 there are 20, of which 15 are impossible; of y = 5 there are 10.
+        let on = |y: f64, from: i32, to: i32| (from..to).map(move |x| [f64::from(x) + 0.5, y]);
+        let problem = Right(Line(on(0.0, -15, 5).chain(on(5.0, 0, 10)).collect()));
+        let score = InlierCount {
+            squared_threshold: 1e-6,
+        };
+        let (sampler, rng) = (&mut Uniform::new(30), &mut Seed(1).rng());
+        let found = consensus(&problem, &score, sampler, PARAMS, rng).expect("a line");
+        assert_eq!((found.model, found.support.inliers), ([0.0, 5.0], 10));
     }
 }

@@ -65,4 +65,23 @@ mod tests {
         assert_eq!(support(&[f64::NAN; 3]).inliers, 0);
         assert_eq!(support(&[]).inliers, 0);
     }
+
+    #[test]
+    fn of_an_even_number_the_upper_middle_is_the_median() {
+        let score = MedianOfSquares { sample: 2 };
+        for (values, median) in [
+            (&mut [5.0, 1.0, 3.0, 2.0, 4.0][..], 3.0),
+            (&mut [6.0, 5.0, 1.0, 3.0, 2.0, 4.0], 4.0),
+        ] {
+            let count = values.len() as f64;
+            let found = score.support(0..values.len(), values);
+            assert_eq!(found.quality, -median);
+            let deviations = 2.5 * 1.4826 * (1.0 + 5.0 / (count - 2.0));
+            let expected = deviations * deviations * median;
+            assert!(
+                (found.squared_threshold - expected).abs() < 1e-9,
+                "{found:?}"
+            );
+        }
+    }
 }

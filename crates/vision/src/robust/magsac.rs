@@ -98,4 +98,28 @@ mod tests {
         assert_eq!(support.inliers, 2);
         assert!((support.quality - 1.0).abs() < 1e-12);
     }
+
+    /// The loss with its gamma functions integrated step by step.
+    #[test]
+    fn the_loss_is_that_of_its_integrals() {
+        let gamma = |power: f64, from: f64, to: f64| {
+            let (steps, width) = (20_000, (to - from) / 20_000.0);
+            let middles = (0..steps).map(|step| from + (f64::from(step) + 0.5) * width);
+            middles
+                .map(|t| width * t.powf(power - 1.0) * (-t).exp())
+                .sum::<f64>()
+        };
+        let last = 3.64 * 3.64 / 2.0;
+        let loss = |s: f64| gamma(2.5, 0.0, s) / 2.0 + s / 2.0 * gamma(1.5, s, last);
+        let score = Magsac::new(9.0);
+        for share in [0.1, 0.25, 0.5, 0.9] {
+            let found = score.support(0..1, &mut [9.0 * share]).quality;
+            let expected = 1.0 - loss(share * last) / loss(last);
+            // The table has 2048 entries.
+            assert!(
+                (found - expected).abs() < 2e-3,
+                "{share}: {found} {expected}"
+            );
+        }
+    }
 }

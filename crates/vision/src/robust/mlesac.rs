@@ -114,4 +114,22 @@ mod tests {
             );
         }
     }
+
+    /// A normal density that is that of wrong matches at 0 makes every step simple: a datum at 0 is right with the probability
+    /// of the share, and one far away is wrong. So with half of the data at 0 the share s becomes s / 2 each time.
+    #[test]
+    fn the_quality_is_the_logarithm_of_the_likelihood() {
+        let sigma = 2.0 / 1.96;
+        let score = Mlesac {
+            squared_threshold: 4.0,
+            span: sigma * (2.0 * std::f64::consts::PI).sqrt(),
+        };
+        let mut residuals = vec![0.0; 100];
+        residuals[50..].fill(1e6);
+        let found = score.support(0..100, &mut residuals);
+        // 1/2, 1/4, 1/8, 1/16: those at 0 have the likelihood of a wrong datum, the others 15/16 of it.
+        let expected = 50.0 * f64::ln(15.0 / 16.0);
+        assert!((found.quality - expected).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.inliers, 50);
+    }
 }

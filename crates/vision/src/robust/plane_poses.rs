@@ -86,6 +86,9 @@ mod tests {
     fn a_plane_has_two_poses_and_a_scene_in_depth_none() {
         let found = |pairs: &PointPairs| plane_poses(pairs, 4e-7, &mut Seed(1).rng()).len();
         assert_eq!(found(&matches_of_a_plane(90, 10, 0)), 2);
+        // Half of them are enough.
+        assert_eq!(found(&matches_of_a_plane(60, 40, 0)), 2);
+        assert_eq!(found(&matches_of_a_plane(40, 60, 0)), 0);
         assert_eq!(found(&matches_of_a_plane(0, 100, 0)), 0);
         for few in 0..5 {
             assert_eq!(found(&matches_of_a_plane(few, 0, 0)), 0);
