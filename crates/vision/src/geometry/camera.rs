@@ -174,6 +174,11 @@ mod tests {
 
     use super::*;
 
+    #[test]
+    fn the_mean_focal_length_is_that_of_both_axes() {
+        assert_eq!(Camera::pinhole(500.0, 700.0, 1.0, 2.0).mean_focal(), 600.0);
+    }
+
     /// Brown's model with k1 alone is seen up to where `r (1 + k1 r^2)` is largest, at `r^2 = -1 / (3 k1)`.
     #[test]
     fn what_a_lens_folds_back_into_the_image_is_not_seen() {

@@ -126,4 +126,12 @@ mod tests {
             .collect();
         ray_depths(&pose(), &pairs, &mut [0.0; 2], &mut [0.0; 2]);
     }
+
+    #[test]
+    fn of_poses_with_as_much_support_the_first_is_chosen() {
+        let essential = essential_from_pose(&pose());
+        let poses = decompose_essential(&essential).expect("four poses");
+        let chosen = choose_pose(&essential, &PointPairs::default(), 50.0);
+        assert_eq!(chosen, Some((poses[0], 0)));
+    }
 }

@@ -102,6 +102,17 @@ mod tests {
     }
 
     #[test]
+    fn an_angle_that_is_not_a_number_is_no_small_error() {
+        for (rotation, translation) in [(f64::NAN, 0.1), (0.1, f64::NAN), (f64::NAN, f64::NAN)] {
+            let error = PoseError {
+                rotation,
+                translation,
+            };
+            assert!(error.max().is_nan(), "{error:?}");
+        }
+    }
+
+    #[test]
     fn the_opposite_translation_is_180_degrees_wrong() {
         let error = pose(0.0, [1.0, 0.0, 0.0]).error(&pose(0.0, [-1.0, 0.0, 0.0]));
         assert!((error.translation - PI).abs() < 1e-7);

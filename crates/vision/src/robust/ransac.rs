@@ -345,4 +345,37 @@ mod tests {
             assert!(message.contains(name), "{message}");
         }
     }
+
+    #[test]
+    fn points_beyond_the_largest_depth_support_no_pose() {
+        let exact = |depths: std::ops::Range<f64>, count: usize, seed: u64| -> Matches {
+            let mut rng = Seed(seed).rng();
+            let mut seen = || {
+                let a = Point2::new(640.0 * rng.uniform(), 480.0 * rng.uniform());
+                let depth = depths.start + (depths.end - depths.start) * rng.uniform();
+                let x = truth().rotation * (CAMERA_A.normalize(a).to_homogeneous() * depth)
+                    + truth().direction.into_inner();
+                (a, CAMERA_B.project(Point2::new(x.x / x.z, x.y / x.z)))
+            };
+            (0..count).map(|_| seen()).unzip()
+        };
+        let far = exact(60.0..90.0, 40, 3);
+        assert_eq!(estimate(&far, 1), Err(NoModel::NOTHING_IN_FRONT));
+        let mut both = exact(3.0..30.0, 25, 4);
+        both.0.extend(&far.0);
+        both.1.extend(&far.1);
+        let found = estimate(&both, 1).expect("a pose");
+        assert_eq!((found.support, found.inliers.len()), (25, 65));
+        let views = TwoViews {
+            points: &points(&far),
+            camera_a: &CAMERA_A,
+            camera_b: &CAMERA_B,
+        };
+        let unlimited = RansacParams {
+            max_depth: f64::INFINITY,
+            ..RansacParams::default()
+        };
+        let unlimited = Ransac::new(unlimited).unwrap().estimate(views, Seed(1));
+        assert_eq!(unlimited.expect("a pose").support, 40);
+    }
 }
