@@ -304,4 +304,38 @@ mod tests {
         assert_eq!((same.pairs, same.changed), (2, 0));
         assert_eq!((same.gained, same.lost), (0, 0));
     }
+
+    #[test]
+    fn a_homography_is_right_below_three_pixels() {
+        let corners = |errors: [f64; 4]| {
+            let pairs = (0..).zip(errors).map(|(a, error)| PairResult {
+                model: Model::Homography,
+                outcome: Ok(Deviation::Corners(Some(error))),
+                ..solved(a, 0.0, 0.0, 50)
+            });
+            results(pairs.collect())
+        };
+        let (before, after) = ([2.9, 3.5, 3.1, 2.0], [3.0, 2.99, 4.5, 0.1]);
+        let comparison = compare(&corners(before), &corners(after));
+        assert_eq!((comparison.gained, comparison.lost), (1, 1));
+    }
+
+    #[test]
+    fn what_is_not_finished_does_not_lead_and_is_not_compared() {
+        let named = |matcher: &str, error, lacking| ResultSet {
+            matcher: matcher.into(),
+            lacking,
+            ..results((0..9).map(|a| solved(a, 0.1, error, 50)).collect())
+        };
+        let sets = [
+            named("sift", 4.5, 0),
+            named("orb", 0.1, 1),
+            named("surf", 1.5, 0),
+        ];
+        let leads = leads(&sets, &groups(&sets));
+        let found: Vec<_> = (leads.iter())
+            .map(|lead| (&*lead.best.0, &*lead.other.0, lead.difference.together))
+            .collect();
+        assert_eq!(found, [("surf", "sift", Some(1))]);
+    }
 }

@@ -107,4 +107,14 @@ mod tests {
         undecided.counts.as_mut().expect("counted").selected = 7;
         assert_eq!(precision(undecided), 0.0);
     }
+
+    #[test]
+    fn no_pair_has_more_than_all() {
+        // Several matches of one place, with other orientations: 90 correct matches of 40 keypoints.
+        let mut pair = solved(0, 1.0, 1.0, 180);
+        let by_depth = pair.by_depth.as_mut().expect("by depth");
+        by_depth.repeated.as_mut().expect("repeated").visible = [40, 60];
+        let scores = Scores::new(&[pair]);
+        assert_eq!(scores.get("depth_matching_score").value, Some(1.0));
+    }
 }

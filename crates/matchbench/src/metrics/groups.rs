@@ -308,4 +308,42 @@ mod tests {
             ["a", "ab", "bc", "c"]
         );
     }
+
+    #[test]
+    fn methods_are_compared_on_what_all_have_in_all_repetitions() {
+        let whole = set("sift", |a| f64::from(a % 7) + 0.5);
+        let mut half = whole.clone();
+        half.pairs.truncate(30);
+        assert_eq!(groups(&[whole.clone(), half]).letters, ["a", "a"]);
+        // What is not finished is compared with nothing.
+        let unfinished = ResultSet {
+            lacking: 1,
+            ..whole.clone()
+        };
+        let worse = set("orb", |a| f64::from(a % 7) + 4.5);
+        let found = groups(&[whole.clone(), unfinished, worse]);
+        assert_eq!(found.letters, ["a", "", "b"]);
+        // Better in one repetition by as much as worse in the other.
+        let twice = |first: f64, second: f64| {
+            let again = |repetition, more: f64| {
+                set("sift", |a| f64::from(a % 7) + more)
+                    .pairs
+                    .into_iter()
+                    .map(move |pair| PairResult { repetition, ..pair })
+            };
+            ResultSet {
+                repetitions: 2,
+                pairs: again(0, first).chain(again(1, second)).collect(),
+                ..whole.clone()
+            }
+        };
+        assert_eq!(
+            groups(&[twice(1.5, 3.5), twice(3.5, 1.5)]).letters,
+            ["a", "a"]
+        );
+        assert_eq!(
+            groups(&[twice(1.5, 3.5), twice(2.5, 3.5)]).letters,
+            ["a", "b"]
+        );
+    }
 }

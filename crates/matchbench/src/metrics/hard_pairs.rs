@@ -397,4 +397,97 @@ mod tests {
         };
         assert_eq!(hard.right(&results), [Some(1.0 / 3.0), None]);
     }
+
+    /// The kinds of each of the pairs (a, a + 1), by what is known of their geometry.
+    fn kinds_of(results: &[&ResultSet], known: &[(f64, f64)]) -> Vec<Vec<Hardship>> {
+        let geometry: DatasetGeometry = (0..)
+            .zip(known)
+            .map(|(a, &(angle, overlap))| {
+                let known = PairGeometry {
+                    baseline: Some(1.0),
+                    view_angle: Some(angle),
+                    overlap,
+                    is_measured: false,
+                };
+                ((a, a + 1), known)
+            })
+            .collect();
+        let found = hard_pairs(results, Some(&geometry));
+        let of_pair = |a: u32| {
+            let its = found.iter().filter(|hard| hard.pairs.contains(&(a, a + 1)));
+            its.map(|hard| hard.hardship).collect()
+        };
+        (0..known.len() as u32).map(of_pair).collect()
+    }
+
+    #[test]
+    fn a_pair_is_wide_from_30_degrees_on_and_has_little_overlap_below_a_half() {
+        let results = set(&[(true, 900, 50); 4]);
+        let known = [(29.9, 0.5), (30.0, 0.9), (5.0, 0.499), (31.0, 0.1)];
+        let (wide, little) = (Hardship::WideAngle, Hardship::LittleOverlap);
+        assert_eq!(
+            kinds_of(&[&results], &known),
+            [vec![], vec![wide], vec![little], vec![wide, little]]
+        );
+    }
+
+    #[test]
+    fn the_image_with_fewer_features_counts_and_more_than_half_of_the_matchers_decide() {
+        let mut results = set(&[(true, 900, 50); 5]);
+        let counts = results.pairs[1].counts.as_mut().expect("counted");
+        (counts.features_a, counts.features_b) = (100, 900);
+        // Just half of the usual is enough.
+        results.pairs[2]
+            .counts
+            .as_mut()
+            .expect("counted")
+            .features_b = 450;
+        // What other repetitions count is the same again, whatever it is.
+        for pair in results.pairs.clone() {
+            let counts = pair.counts.map(|counts| Counts {
+                features_a: 10,
+                ..counts
+            });
+            results.pairs.push(PairResult {
+                repetition: 1,
+                counts,
+                ..pair
+            });
+        }
+        let easy = [(5.0, 0.9); 5];
+        let bare = |results: &[&ResultSet]| -> Vec<usize> {
+            let kinds = kinds_of(results, &easy).into_iter().enumerate();
+            let bare = kinds.filter(|(_, kinds)| kinds.contains(&Hardship::LittleTexture));
+            bare.map(|(a, _)| a).collect()
+        };
+        assert_eq!(bare(&[&results]), [1]);
+        let other = ResultSet {
+            matcher: "surf".into(),
+            ..set(&[(true, 900, 50); 5])
+        };
+        assert_eq!(bare(&[&results, &other]), [0; 0]);
+        let third = ResultSet {
+            matcher: "orb".into(),
+            ..results.clone()
+        };
+        assert_eq!(bare(&[&results, &other, &third]), [1]);
+    }
+
+    #[test]
+    fn the_example_is_the_pair_that_most_methods_fail_on() {
+        let wide = set(&[(false, 900, 50); 3]);
+        let mut other = wide.clone();
+        other.estimator = "rich".into();
+        other.pairs[0] = solved(0, 0.5, 0.5, 50);
+        other.pairs[2] = solved(2, 0.5, 0.5, 50);
+        let known = PairGeometry {
+            baseline: Some(1.0),
+            view_angle: Some(40.0),
+            overlap: 0.9,
+            is_measured: false,
+        };
+        let geometry: DatasetGeometry = (0..3).map(|a| ((a, a + 1), known)).collect();
+        let found = hard_pairs(&[&wide, &other], Some(&geometry));
+        assert_eq!(found[0].example, Some((1, 2)));
+    }
 }

@@ -399,4 +399,25 @@ mod tests {
         assert_eq!((one.value, one.units), (7.0, 1));
         assert_eq!(one.interval_of_count(), None);
     }
+
+    #[test]
+    fn an_interval_reaches_as_many_errors_as_students_t_with_one_freedom_less_than_units() {
+        // 0 to 5: mean 2.5, standard error sqrt(3.5 / 6), and t is 2.570582 with 5 degrees of freedom.
+        let terms = (0..6).map(|i| term((i, 10 + i), f64::from(i)));
+        let ratio = Ratio::of(terms).expect("there are pairs");
+        let reach = 2.570_582 * (3.5_f64 / 6.0).sqrt();
+        let interval = ratio.interval().expect("six units");
+        assert!((interval.low - (2.5 - reach)).abs() < 1e-6, "{interval:?}");
+        assert!((interval.high - (2.5 + reach)).abs() < 1e-6, "{interval:?}");
+    }
+
+    #[test]
+    fn the_interval_of_a_count_ends_at_0() {
+        // One of six pairs has 600, the others none: mean 100, standard error 100.
+        let terms = (0..6).map(|i| term((i, 10 + i), if i == 0 { 600.0 } else { 0.0 }));
+        let ratio = Ratio::of(terms).expect("there are pairs");
+        let interval = ratio.interval_of_count().expect("six units");
+        assert_eq!(interval.low, 0.0);
+        assert!((interval.high - 357.0582).abs() < 1e-3, "{interval:?}");
+    }
 }

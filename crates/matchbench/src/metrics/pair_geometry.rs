@@ -218,4 +218,18 @@ mod tests {
             assert_eq!(overlap, 30.0 / 108.0);
         }
     }
+
+    /// Half a baseline is the least depth: what two cameras see that look at each other is 1 in front of the second then, which
+    /// shows a third to either side, and a quarter up and down.
+    #[test]
+    fn nothing_is_nearer_than_half_a_baseline() {
+        let narrow = Camera::pinhole(960.0, 960.0, 320.0, 240.0);
+        let facing = Isometry3::from_parts(
+            Translation3::new(0.0, 0.0, 1.0),
+            UnitQuaternion::from_axis_angle(&Vector3::y_axis(), PI),
+        );
+        // Of 12 columns and 9 rows the middle 4 and 3.
+        let overlap = PairGeometry::new(&CAMERA, &narrow, &facing).overlap;
+        assert_eq!(overlap, 12.0 / 108.0);
+    }
 }

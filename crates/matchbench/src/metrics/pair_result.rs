@@ -343,6 +343,19 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn there_is_no_overlap_where_that_is_more_likely_than_not() {
+        let answer = |overlap_probability| {
+            let pair = PairResult {
+                overlap_probability,
+                ..solved(0, 0.5, 0.5, 30)
+            };
+            pair.has_no_overlap()
+        };
+        let answers = [Some(0.499), Some(0.5), Some(0.9), None].map(answer);
+        assert_eq!(answers, [true, false, false, false]);
+    }
+
+    #[test]
     fn without_a_true_direction_only_the_rotation_is_judged() {
         let mut pair = solved(0, 0.5, 0.0, 30);
         pair.outcome = Ok(Deviation::Pose(AngularError {

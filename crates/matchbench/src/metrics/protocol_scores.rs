@@ -397,6 +397,13 @@ mod tests {
         assert_eq!(scores[1].score.interval, None, "three pairs tell little");
         let deviation = scores[1].deviation.expect("three repetitions");
         assert!((deviation - 0.2).abs() < 1e-12);
+        // Repetitions of other pairs have a mean too, and no interval.
+        let errors = [0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5];
+        for (fewer, has_interval) in [(8, true), (7, false)] {
+            let runs = set("ransac-e", &[&errors, &errors[..fewer]]);
+            let auc = score(&runs, None, &SUPERGLUE).scores[1].score;
+            assert!(auc.value.is_some() && auc.interval.is_some() == has_interval);
+        }
     }
 
     #[test]

@@ -167,4 +167,15 @@ mod tests {
             assert!(expected.contains(&certain), "{images}: {certain}");
         }
     }
+
+    #[test]
+    fn no_difference_of_shares_is_larger_than_1() {
+        // Mean 0.8, standard error 0.2 of 2.57.
+        let mostly = [1.0, 1.0, 1.0, 1.0, 1.0, -0.2];
+        let interval = |tops: &[f64]| difference(tops).interval.expect("six images");
+        let (better, worse) = (interval(&mostly), interval(&mostly.map(|top| -top)));
+        assert_eq!((better.high, worse.low), (1.0, -1.0));
+        let expected = 0.8 - 0.2 * 2.570_582;
+        assert!((better.low - expected).abs() < 1e-6 && (worse.high + expected).abs() < 1e-6);
+    }
 }
