@@ -339,4 +339,76 @@ mod tests {
         let line = serde_json::to_string(&record).unwrap();
         assert_eq!(serde_json::from_str::<RunRecord>(&line).unwrap(), record);
     }
+
+    /// The errors that a record may state where these are found, by whether it is believed.
+    fn is_believed(stated: Outcome, found: &Outcome) -> bool {
+        let record = RunRecord {
+            task: Task {
+                dataset: "office".into(),
+                matcher: "sift".into(),
+                estimator: "ransac-e".into(),
+                a: 3,
+                b: 4,
+                repetition: 0,
+            },
+            counts: Counts::default(),
+            correct: None,
+            repeated: None,
+            by_depth: None,
+            outcome: stated,
+            times: StageTimes::default(),
+            device: None,
+        };
+        record.contradiction(found).is_none()
+    }
+
+    #[test]
+    fn a_record_may_be_rounded_to_a_thousandth_of_a_degree() {
+        let pose = |rotation_error: f64, translation_error: Option<f64>| Outcome::Pose {
+            rotation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            translation: [1.0, 0.0, 0.0],
+            inliers: 9,
+            support: 9,
+            iterations: 9,
+            rotation_error,
+            translation_error,
+            pose_probability: None,
+            overlap_probability: None,
+        };
+        let found = pose(0.5, Some(90.0));
+        for (stated, believed) in [
+            (pose(0.5009, Some(89.9991)), true),
+            (pose(0.502, Some(90.0)), false),
+            // Large angles are not rounded more.
+            (pose(0.5, Some(90.002)), false),
+            (pose(0.5, None), false),
+        ] {
+            assert_eq!(is_believed(stated.clone(), &found), believed, "{stated:?}");
+            // Whichever of both is stated.
+            assert_eq!(is_believed(found.clone(), &stated), believed, "{stated:?}");
+        }
+        assert!(is_believed(pose(0.5, None), &pose(0.5, None)));
+    }
+
+    #[test]
+    fn a_corner_error_may_be_rounded_to_a_thousandth_of_a_pixel_or_of_itself() {
+        let corners = |corner_error: Option<f64>| Outcome::Homography {
+            homography: [0.0; 9],
+            inliers: 9,
+            iterations: 9,
+            corner_error,
+        };
+        for (stated, found, believed) in [
+            (Some(0.5009), Some(0.5), true),
+            (Some(0.502), Some(0.5), false),
+            (Some(200.19), Some(200.0), true),
+            (Some(200.3), Some(200.0), false),
+            (None, Some(200.0), false),
+            (Some(200.0), None, false),
+            (None, None, true),
+        ] {
+            let is_believed = is_believed(corners(stated), &corners(found));
+            assert_eq!(is_believed, believed, "{stated:?} {found:?}");
+        }
+    }
 }
