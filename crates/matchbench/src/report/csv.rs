@@ -214,6 +214,7 @@ pub(super) fn field(text: &str) -> String {
 mod tests {
     use super::super::tests::summary;
     use super::*;
+    use crate::metrics::Interval;
 
     #[test]
     fn a_name_is_no_formula() {
@@ -274,12 +275,19 @@ mod tests {
         summary.failures.missing = 77;
         summary.scores.get_mut("maa_10").value = Some(0.123456789012345);
         summary.rotation_sp.below[14] = 9;
+        summary.translation_sp.below[14] = 4;
+        let (low, high) = (0.25, 0.75);
+        summary.scores.get_mut("auc").interval = Some(Interval { low, high });
         let text = render(&[summary]);
         for (head, expected) in [
             ("auc", "0.6"),
             ("sp15", "0.6"),
             ("ap5", "102.5"),
             ("missing", "77"),
+            ("auc_low", "0.25"),
+            ("auc_high", "0.75"),
+            ("rotation_sp15", "0.9"),
+            ("translation_sp15", "0.4"),
             ("maa_10", "0.123456789012345"),
             ("rotation_sp15", "0.9"),
             ("repetitions", "1"),

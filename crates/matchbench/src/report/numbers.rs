@@ -123,6 +123,19 @@ mod tests {
     }
 
     #[test]
+    fn an_interval_goes_from_its_low_end_to_its_high_one() {
+        let (low, high) = (0.386, 0.528);
+        let mut score = Score {
+            value: Some(0.45),
+            interval: Some(Interval { low, high }),
+        };
+        assert_eq!(bracketed(&score), " [0.386, 0.528]");
+        assert_eq!(interval(&score, ratio), "0.386 to 0.528");
+        score.interval = None;
+        assert_eq!((&*bracketed(&score), &*interval(&score, ratio)), ("", "–"));
+    }
+
+    #[test]
     fn zero_has_no_sign() {
         assert_eq!(ratio(-1e-17), "0.000");
         assert_eq!([fixed(-0.0004, 3), fixed(-0.0, 0)], ["0.000", "0"]);

@@ -421,6 +421,12 @@ mod tests {
         ];
         let expected = expected.map(|(name, rank, above)| (name.to_owned(), rank, above));
         assert_eq!(marks(&Overview::new(&summaries)), expected);
+        // What is not finished has no rank and takes none from others.
+        let mut stopped = summaries;
+        stopped[2].lacking = 1;
+        let marks = marks(&Overview::new(&stopped)).into_iter();
+        let ranks: Vec<Option<u8>> = marks.map(|(_, rank, _)| rank).collect();
+        assert_eq!(ranks, [Some(2), None, None, Some(1), Some(2)]);
     }
 
     #[test]
@@ -545,6 +551,9 @@ mod tests {
         let mean = overview.rows[0].mean().expect("it was run on both");
         assert!((mean - 0.7).abs() < 1e-12, "{mean}");
         assert_eq!(overview.rows[1].mean(), None);
+        let mut stopped = summaries;
+        stopped[2].lacking = 1;
+        assert_eq!(Overview::new(&stopped).rows[0].mean(), None);
     }
 
     #[test]

@@ -394,4 +394,36 @@ mod tests {
         // Of the equal ones the first by name is compared with the others.
         assert_eq!(certain, [("worse", true), ("good", false), ("copy", false)]);
     }
+
+    #[test]
+    fn how_often_pairs_were_run_does_not_part_methods_and_other_protocols_are_no_namesakes() {
+        let scored = |repetitions: u32, estimator: &str| {
+            let mut set = set("sift", |_| 3.0);
+            let once = set.pairs.clone();
+            for repetition in 1..repetitions {
+                let again = once.iter().cloned();
+                set.pairs
+                    .extend(again.map(|pair| PairResult { repetition, ..pair }));
+            }
+            set.repetitions = repetitions;
+            set.estimator = estimator.into();
+            Scored {
+                set,
+                fingerprint: "ab".into(),
+                listed: 60,
+                source: Source::default(),
+            }
+        };
+        let key = Key::of(&scored(1, "ransac-e"));
+        assert_eq!(key, Key::of(&scored(3, "ransac-e")));
+        let under = Key::of(&scored(1, "ransac-e-inliers@superglue"));
+        assert_ne!(key, under);
+        let other = Key {
+            fingerprint: "cd".into(),
+            ..key.clone()
+        };
+        let named = |keys: &[Key]| group(key.clone(), vec![scored(1, "ransac-e")], keys).namesakes;
+        assert_eq!(named(&[key.clone(), under.clone()]), 0);
+        assert_eq!(named(&[key.clone(), under, other.clone(), other]), 1);
+    }
 }

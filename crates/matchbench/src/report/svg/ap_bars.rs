@@ -93,6 +93,7 @@ pub(in super::super) fn ap_bars(
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{are_near, numbers};
     use super::*;
     use crate::metrics::Interval;
 
@@ -126,5 +127,35 @@ mod tests {
         assert_eq!(svg.matches("class=\"whisker\"").count(), 1);
         assert!(svg.contains("<title>sift: 1000.0 (95 %: 900.0 to 1000.0)</title>"));
         assert!(svg.contains(">–</text>"));
+    }
+
+    #[test]
+    fn whiskers_reach_from_end_to_end_of_the_interval() {
+        let score = |value, [low, high]: [f64; 2]| Score {
+            value: Some(value),
+            interval: Some(Interval { low, high }),
+        };
+        let bars = [
+            (0, "sift", score(400.0, [300.0, 500.0])),
+            (1, "orb", score(900.0, [800.0, 1000.0])),
+        ];
+        let svg = ap_bars(Target::Page, "room", &bars);
+        // 210 for 1000.
+        assert!(
+            are_near(&numbers(&svg, "<rect", "width"), &[84.0, 189.0]),
+            "{svg}"
+        );
+        let left = numbers(&svg, "<rect", "x");
+        let ends: Vec<f64> = (svg.lines().filter(|line| line.contains("whisker")))
+            .zip(left)
+            .flat_map(|(line, left)| {
+                let (_, path) = line.split_once(" d=\"M").expect("a path");
+                let (from, rest) = path.split_once(' ').expect("its begin");
+                let (_, rest) = rest.split_once('H').expect("a line");
+                let (to, _) = rest.split_once('M').expect("its ends");
+                [from, to].map(|x| x.parse::<f64>().expect("a number") - left)
+            })
+            .collect();
+        assert!(are_near(&ends, &[63.0, 105.0, 168.0, 210.0]), "{svg}");
     }
 }

@@ -138,6 +138,7 @@ pub(in super::super) fn forest(
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{are_near, numbers, scale};
     use super::*;
 
     #[test]
@@ -172,5 +173,46 @@ mod tests {
             ..rival("x", 0.0, 0.0, 0.0)
         };
         assert!(!forest(Target::File, "room", &["best"], &[unknown]).contains("NaN"));
+    }
+
+    #[test]
+    fn dots_and_intervals_lie_at_their_numbers_and_only_what_is_certain_is_filled() {
+        let rival = |behind| Rival {
+            series: 0,
+            name: "other",
+            words: String::new(),
+            behind,
+        };
+        let rivals = [
+            rival(Difference::seen(0.2, Some([0.1, 0.28]))),
+            rival(Difference::seen(0.02, Some([-0.13, 0.1]))),
+            // Not among so many comparisons.
+            rival(Difference {
+                is_certain: false,
+                ..Difference::seen(0.2, Some([0.1, 0.28]))
+            }),
+        ];
+        let svg = forest(Target::Page, "room", &["best"], &rivals);
+        let x = scale(&svg, "x", "middle", ["0.0", "0.2"]);
+        let dots = numbers(&svg, "<circle", "cx");
+        assert!(are_near(&dots, &[x(0.2), x(0.02), x(0.2)]), "{svg}");
+        assert!(are_near(&numbers(&svg, "zero", "x1"), &[x(0.0)]), "{svg}");
+        let whiskers: Vec<f64> = (svg.lines().filter(|line| line.contains("whisker")))
+            .flat_map(|line| {
+                let (_, path) = line.split_once(" d=\"M").expect("a path");
+                let (from, to) = path.split_once('H').expect("a line");
+                let from = from.split(' ').next().expect("its begin");
+                [from, to.trim_end_matches("\"/>")].map(|x| x.parse().expect("a number"))
+            })
+            .collect();
+        let ends = [0.1, 0.28, -0.13, 0.1, 0.1, 0.28].map(x);
+        assert!(are_near(&whiskers, &ends), "{svg}");
+        assert_eq!(
+            numbers(&svg, "whisker", "stroke-opacity"),
+            [1.0, 0.45, 0.45]
+        );
+        let dots = svg.lines().filter(|line| line.contains("<circle"));
+        let hollow: Vec<bool> = dots.map(|line| line.contains("hollow")).collect();
+        assert_eq!(hollow, [false, true, true]);
     }
 }

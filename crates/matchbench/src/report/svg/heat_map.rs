@@ -108,7 +108,14 @@ mod tests {
         );
         // The background and three cells.
         assert_eq!(svg.matches("<rect").count(), 4);
-        assert!(svg.contains("#084081") && svg.contains("#f4f7fb"), "{svg}");
+        for (cell, colour) in [
+            ("sift with ransac-e: 0.200", "#f4f7fb"),
+            ("sift with usac: 0.800", "#084081"),
+            ("orb with usac: 0.500", "#6baed6"),
+        ] {
+            let its = svg.lines().find(|line| line.contains(cell));
+            assert!(its.expect(cell).contains(colour), "{svg}");
+        }
         assert!(!svg.contains("<room>"));
         let alone = heat_map(Target::Page, "", &["sift"], &["x"], &[vec![Some(0.3)]]);
         assert!(!alone.contains("NaN"));

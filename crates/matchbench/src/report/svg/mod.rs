@@ -206,6 +206,44 @@ fn tick(value: f64, step: f64) -> String {
 mod tests {
     use super::*;
 
+    /// The number of an attribute of each line that holds `element`.
+    pub(super) fn numbers(svg: &str, element: &str, attribute: &str) -> Vec<f64> {
+        let begin = format!(" {attribute}=\"");
+        (svg.lines().filter(|line| line.contains(element)))
+            .map(|line| {
+                let (_, rest) = line.split_once(&begin).expect("it has the attribute");
+                let (number, _) = rest.split_once('"').expect("it ends");
+                number.parse().expect("a number")
+            })
+            .collect()
+    }
+
+    /// Where a coordinate is whose axis has these two ticks, by their labels, attribute and anchor. Labels of the vertical axis
+    /// stand 3.5 lower than their lines.
+    pub(super) fn scale(
+        svg: &str,
+        attribute: &str,
+        anchor: &str,
+        ticks: [&str; 2],
+    ) -> impl Fn(f64) -> f64 {
+        let anchor = format!("text-anchor=\"{anchor}\"");
+        let lower = if attribute == "y" { 3.5 } else { 0.0 };
+        let places = ticks.map(|label| {
+            let its = svg.lines().filter(|line| line.contains(&anchor));
+            let its = its.filter(|line| line.contains(&format!(">{label}</text>")));
+            numbers(&its.collect::<Vec<_>>().join("\n"), "<text", attribute)[0] - lower
+        });
+        let values: [f64; 2] = ticks.map(|label| label.parse().expect("a number"));
+        let unit = (places[1] - places[0]) / (values[1] - values[0]);
+        move |value| places[0] + unit * (value - values[0])
+    }
+
+    /// Figures have one decimal.
+    pub(super) fn are_near(found: &[f64], expected: &[f64]) -> bool {
+        found.len() == expected.len()
+            && (found.iter().zip(expected)).all(|(found, expected)| (found - expected).abs() < 0.15)
+    }
+
     #[test]
     fn axes_end_at_round_numbers() {
         for (max, step, end) in [

@@ -86,6 +86,7 @@ pub(in super::super) fn reliability_diagram(
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{are_near, numbers, scale};
     use super::*;
     use crate::metrics::ReliabilityRange;
 
@@ -114,6 +115,14 @@ mod tests {
             "{svg}"
         );
         assert!(svg.contains("0.75 stated, 0.50 right of 40"), "{svg}");
+        let (x, y) = (
+            scale(&svg, "x", "middle", ["0.0", "1.0"]),
+            scale(&svg, "y", "end", ["0.0", "1.0"]),
+        );
+        let marks = numbers(&svg, "<circle", "cx");
+        assert!(are_near(&marks, &[x(0.25), x(0.75)]), "{svg}");
+        let marks = numbers(&svg, "<circle", "cy");
+        assert!(are_near(&marks, &[y(0.5), y(0.5)]), "{svg}");
         assert!(!reliability_diagram(Target::File, "room", &[]).contains("NaN"));
     }
 }

@@ -137,6 +137,7 @@ fn open_series(svg: &mut String, target: Target, curve: &Curve<'_>) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{are_near, numbers, scale};
     use super::*;
 
     const AXES: Axes = Axes {
@@ -196,6 +197,39 @@ mod tests {
         assert!(
             svg.contains(">0.100</text>"),
             "the AUC stands beside the name"
+        );
+    }
+
+    #[test]
+    fn a_curve_goes_through_its_values() {
+        let curves = [Curve {
+            values: vec![0.0, 0.1, 0.4],
+            ..curve(0, "sift", 0.4)
+        }];
+        let svg = sp_curves(Target::Page, "room", &AXES, &curves);
+        let (x, y) = (
+            scale(&svg, "x", "middle", ["1", "3"]),
+            scale(&svg, "y", "end", ["0.0", "0.4"]),
+        );
+        let (_, points) = svg.split_once(" points=\"").expect("a line");
+        let points = points.split_once('"').expect("it ends").0;
+        let points: Vec<f64> = (points.split([' ', ',']))
+            .map(|number| number.parse().expect("a number"))
+            .collect();
+        let expected = [x(1.0), y(0.0), x(2.0), y(0.1), x(3.0), y(0.4)];
+        assert!(are_near(&points, &expected), "{svg}");
+        // The third point has the marker of the first series.
+        assert!(
+            are_near(&numbers(&svg, "<circle", "cx"), &[x(1.0)]),
+            "{svg}"
+        );
+        assert!(
+            are_near(&numbers(&svg, "<circle", "cy"), &[y(0.0)]),
+            "{svg}"
+        );
+        assert!(
+            are_near(&numbers(&svg, "cursor", "data-x2"), &[x(3.0)]),
+            "{svg}"
         );
     }
 }

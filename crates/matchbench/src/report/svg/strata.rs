@@ -67,6 +67,7 @@ pub(in super::super) fn strata_curves(
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{are_near, numbers, scale};
     use super::*;
 
     #[test]
@@ -80,6 +81,18 @@ mod tests {
         assert_eq!(svg.matches("<circle").count(), 1);
         assert!(svg.contains("sift; &lt;1: 0.500; 1 to 2: –"), "{svg}");
         assert!(!svg.contains("NaN"));
+        let y = scale(&svg, "y", "end", ["0.0", "0.5"]);
+        assert!(
+            are_near(&numbers(&svg, "<circle", "cy"), &[y(0.5)]),
+            "{svg}"
+        );
+        let lower = [(0, "sift", vec![Some(0.1), Some(0.3)])];
+        let svg = strata_curves(Target::Page, "room", ("baseline", &ranges), &lower, 0.4);
+        let y = scale(&svg, "y", "end", ["0.0", "0.4"]);
+        assert!(
+            are_near(&numbers(&svg, "<circle", "cy"), &[y(0.1), y(0.3)]),
+            "{svg}"
+        );
         assert!(!strata_curves(Target::File, "room", ("", &[]), &[], 0.0).contains("NaN"));
     }
 }
