@@ -117,7 +117,12 @@ fn a_database_tells_how_far_keypoints_turned_and_grew() {
         [c, -s, s, c].map(|value| 2.0 * angle * value).to_vec()
     };
     let changes = |frames: [u32; 2], more: &dyn Fn(f32) -> Vec<f32>| {
-        let (folder, sequence) = dataset();
+        let (folder, mut sequence) = dataset();
+        if frames[0] > frames[1] {
+            for pair in &mut sequence.pairs {
+                (pair.a, pair.b) = (pair.b, pair.a);
+            }
+        }
         let (database, connection) = database(&folder);
         let images: Vec<(i64, Vec<u8>, i64)> = (connection
             .prepare("SELECT image_id, data, cols FROM keypoints")
@@ -150,7 +155,7 @@ fn a_database_tells_how_far_keypoints_turned_and_grew() {
         let expected = (ids[1] - ids[0], (ids[1] / ids[0]).ln());
         (points.turns, points.growths, expected)
     };
-    for frames in [[0, 1], [0, 2], [1, 2]] {
+    for frames in [[0, 1], [0, 2], [1, 2], [1, 0], [2, 0], [2, 1]] {
         for more in [&four as &dyn Fn(f32) -> Vec<f32>, &six] {
             let (turns, growths, expected) = changes(frames, more);
             let turns = turns.expect("orientations are there");
