@@ -269,8 +269,10 @@ mod tests {
         };
         let mut points = MatchedPoints::default();
         for i in 0..matches {
-            let x = 10.0 * i as f64;
-            points.push(Point2::new(x, 50.0), Point2::new(x + 5.0, 50.0), 0.5);
+            // All over the images, at several depths, and up to a third of a pixel beside their rows.
+            let (x, y) = ((61 * i % 600) as f64, (37 * i % 440) as f64);
+            let (moved, off) = (5.0 + 4.0 * (i % 7) as f64, (i % 3) as f64 / 3.0);
+            points.push(Point2::new(x, y), Point2::new(x + moved, y + off), 0.5);
         }
         let judged = trial.evaluate(&points, &variant, &mut StageTimes::default());
         judged.unwrap_or_else(|_| panic!("nothing breaks")).outcome
@@ -304,6 +306,8 @@ mod tests {
         assert!(view.is_some(), "it sees images of another size");
         let [ours, theirs] = [&MATCHBENCH, &GLUE_FACTORY].map(probability);
         assert_eq!(ours, theirs);
+        // In pixels of another size the matches would say something else.
+        assert!((0.01..0.99).contains(&ours), "{ours}");
     }
 
     #[test]
