@@ -142,22 +142,30 @@ mod tests {
     #[test]
     fn a_keypoint_is_repeated_by_one_other_of_the_part_that_both_show() {
         let shifted = Matrix3::new(1.0, 0.0, 50.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        // In b: 60, 61 and 90; the last is not on it.
+        // In b: 60, 61 and 90; the last two are not on it, whose last column is 99.
         let a = features(&[
             (10.0, 10.0),
             (10.0, 10.0),
             (11.0, 10.0),
             (40.0, 50.0),
+            (49.5, 50.0),
             (70.0, 5.0),
         ]);
-        // The first is nearest to the first of a, and it alone counts; the third has none, the last is not on a.
-        let b = features(&[(60.0, 12.5), (90.0, 52.0), (75.0, 70.0), (20.0, 20.0)]);
+        // The first is nearest to the first of a, and it alone counts, not the second too; the fourth has none, the last is
+        // not on a.
+        let b = features(&[
+            (60.0, 12.5),
+            (60.0, 14.0),
+            (90.0, 52.0),
+            (75.0, 70.0),
+            (20.0, 20.0),
+        ]);
         let found = repeated(&shifted, &a, &b).expect("invertible");
-        assert_eq!(found.visible, [3, 3]);
+        assert_eq!(found.visible, [3, 4]);
         assert_eq!(found.within, [0, 1, 2, 2, 2, 2, 2, 2, 2, 2]);
         assert!(repeated(&Matrix3::zeros(), &a, &b).is_none());
         let none = repeated(&shifted, &features(&[]), &b).expect("invertible");
-        assert_eq!((none.visible, none.within), ([0, 3], [0; 10]));
+        assert_eq!((none.visible, none.within), ([0, 4], [0; 10]));
     }
 
     proptest! {

@@ -35,3 +35,32 @@ pub fn selection_seed(pair: Seed) -> Seed {
 pub fn estimation_seed(pair: Seed, estimator: &str) -> Seed {
     pair.child("estimate").child(estimator)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn every_part_of_a_task_gives_it_another_seed() {
+        let pair = |root, dataset, matcher, frames, repetition| {
+            pair_seed(root, dataset, matcher, frames, repetition).0
+        };
+        let one = pair_seed(1, "room", "sift", (3, 5), 0);
+        let all = [
+            one.0,
+            pair(2, "room", "sift", (3, 5), 0),
+            pair(1, "hall", "sift", (3, 5), 0),
+            pair(1, "room", "orb", (3, 5), 0),
+            pair(1, "room", "sift", (4, 5), 0),
+            pair(1, "room", "sift", (3, 6), 0),
+            pair(1, "room", "sift", (5, 3), 0),
+            pair(1, "room", "sift", (3, 5), 1),
+            selection_seed(one).0,
+            estimation_seed(one, "best").0,
+            estimation_seed(one, "ransac-e").0,
+        ];
+        assert_eq!(BTreeSet::from(all).len(), all.len());
+    }
+}

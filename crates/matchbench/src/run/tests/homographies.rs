@@ -154,3 +154,46 @@ fn images_of_different_sizes_keep_their_places() {
     assert_eq!(repeated.visible, [2, 2]);
     assert_eq!(repeated.within, [1, 2, 2, 2, 2, 2, 2, 2, 2, 2]);
 }
+
+#[test]
+fn a_homography_is_judged_on_the_corners_of_its_first_image() {
+    let higher = bench(&["best-h"]);
+    // Each image has as many dark rows more as its number says.
+    for (more, frame) in (0..).zip(&higher.datasets[0].sequence.frames) {
+        let file = fs::read(&frame.image).unwrap();
+        let (_, pixels) = file.split_at(b"P5 8 8 255\n".len());
+        let header = format!("P5 8 {} 255\n", 8 + more);
+        let dark = vec![0; 8 * more];
+        fs::write(
+            &frame.image,
+            [header.as_bytes(), pixels, &dark[..]].concat(),
+        )
+        .unwrap();
+    }
+    run(&higher, "run").unwrap();
+    let mut judged = 0;
+    for record in higher.records("run") {
+        let Outcome::Homography {
+            homography: h,
+            corner_error: Some(found),
+            ..
+        } = record.outcome
+        else {
+            continue;
+        };
+        // The truth is the identity.
+        let moved = |x: f64, y: f64| {
+            let [u, v, w] = [0, 3, 6].map(|row| h[row] * x + h[row + 1] * y + h[row + 2]);
+            (u / w - x).hypot(v / w - y)
+        };
+        let bottom = f64::from(7 + record.task.a);
+        let corners = [(0.0, 0.0), (7.0, 0.0), (0.0, bottom), (7.0, bottom)];
+        let expected = corners.map(|(x, y)| moved(x, y)).iter().sum::<f64>() / 4.0;
+        assert!(
+            (found - expected).abs() <= 1e-9 * expected.max(1.0),
+            "{found} {expected}"
+        );
+        judged += 1;
+    }
+    assert!(judged > 10, "{judged}");
+}
