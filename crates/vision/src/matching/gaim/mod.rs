@@ -66,7 +66,7 @@ pub struct GaimParams {
     pub neighbours: usize,
     /// Cost of a descriptor distance of 1, at least 0.
     pub unary_weight: f64,
-    /// Largest cost of a pair of neighbours, positive.
+    /// Largest cost of a pair of neighbours, above 0 and at most 10,000.
     pub truncation: f64,
     /// Least distance that neighbours must keep from each other, in thousandths of the diagonal of their image; at least
     /// 0.
@@ -139,8 +139,10 @@ impl Gaim {
             ParamError::unless(fine, name, value, "at least 0 and finite")?;
         }
         // Energies are whole numbers, and sums of very many.
-        let weight = params.unary_weight;
+        let (weight, truncation) = (params.unary_weight, params.truncation);
         ParamError::unless(weight <= 1e4, "unary_weight", weight, "0 to 10000")?;
+        let range = "above 0 and at most 10000";
+        ParamError::unless(truncation <= 1e4, "truncation", truncation, range)?;
         Ok(Self { params })
     }
 

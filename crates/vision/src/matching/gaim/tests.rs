@@ -264,6 +264,29 @@ fn distances_of_any_size_overflow_nowhere() {
 }
 
 #[test]
+fn costs_of_pairs_overflow_nowhere() {
+    let (a, b) = scene(60);
+    let [view_a, view_b] = [&a, &b].map(|features| View {
+        features,
+        image: None,
+        camera: None,
+    });
+    let with = |truncation| {
+        Gaim::new(GaimParams {
+            truncation,
+            ..GaimParams::default()
+        })
+    };
+    let mut matches = CandidateLabels::default().search(&a, &b);
+    (with(1e4).expect("the largest")).select(view_a, view_b, &mut matches, Seed(0));
+    assert!(!matches.is_empty());
+    for truncation in [1.1e4, 1e300] {
+        let message = with(truncation).unwrap_err().to_string();
+        assert!(message.contains("truncation"), "{message}");
+    }
+}
+
+#[test]
 fn parameters_out_of_range_are_named() {
     let default = GaimParams::default();
     for (name, params) in [
