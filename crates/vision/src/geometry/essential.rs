@@ -22,7 +22,7 @@ pub fn essential_from_pose(b_from_a: &RelativePose) -> Matrix3<f64> {
 /// `E E^T E - trace(E E^T) E / 2` for E scaled to norm 1. It is zero (up to about 1e-16) if and
 /// only if two singular values are equal and the third is zero.
 pub fn essential_defect(e: &Matrix3<f64>) -> f64 {
-    let e = e.normalize();
+    let e = scaled(e).normalize();
     let gram = e * e.transpose();
     (gram * e - e * (0.5 * gram.trace())).norm()
 }
@@ -121,6 +121,14 @@ mod tests {
         assert!(essential_defect(&Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0))) < 1e-16);
         assert!(essential_defect(&Matrix3::from_diagonal(&Vector3::new(1.0, 0.9, 0.0))) > 1e-2);
         assert!(essential_defect(&Matrix3::identity()) > 0.1);
+        let e = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0));
+        for scale in [1e-300, 1e-170, 1e170, 1e300] {
+            assert!(essential_defect(&(e * scale)) < 1e-15, "{scale}");
+            assert!(
+                essential_defect(&Matrix3::from_diagonal_element(scale)) > 0.1,
+                "{scale}"
+            );
+        }
     }
 
     #[test]
