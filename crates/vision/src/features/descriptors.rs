@@ -155,6 +155,11 @@ impl FloatRows {
         &self.data
     }
 
+    /// All values, row after row, to be used for something else.
+    pub(crate) fn into_vec(self) -> Vec<f32> {
+        self.data
+    }
+
     /// About how much memory the rows take, in bytes, together with what searches among them keep for the next
     /// ones, at most.
     pub fn memory(&self) -> usize {

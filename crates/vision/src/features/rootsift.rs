@@ -37,28 +37,33 @@ impl Extractor for RootSift {
     }
 }
 
-/// Features of SIFT with the roots of their descriptors.
+/// Features of SIFT with the roots of their descriptors, which take the place of these: both would be twice the memory.
 pub(super) fn with_roots(features: Features) -> Features {
-    let Descriptors::Float(rows) = &features.descriptors else {
+    let Descriptors::Float(rows) = features.descriptors else {
         unreachable!("those of SIFT are of real values");
     };
     let dim = rows.dim();
-    let roots = rows.data().chunks_exact(dim).flat_map(|row| {
+    let mut values = rows.into_vec();
+    for row in values.chunks_exact_mut(dim) {
         let sum: f32 = row.iter().sum();
         // All values are 0 then.
         let sum = if sum > 0.0 { sum } else { 1.0 };
-        row.iter().map(move |value| (value / sum).sqrt())
-    });
-    let roots = FloatRows::from_vec(dim, roots.collect());
+        for value in row {
+            *value = (*value / sum).sqrt();
+        }
+    }
     Features {
-        descriptors: Descriptors::Float(roots),
+        descriptors: Descriptors::Float(FloatRows::from_vec(dim, values)),
         ..features
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point2;
+
     use super::*;
+    use crate::features::Keypoint;
     use crate::features::sift::SiftParams;
     use crate::seed::Seed;
 
@@ -87,5 +92,24 @@ mod tests {
             let length: f32 = y.1.iter().map(|value| value * value).sum();
             assert!((length - 1.0).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn no_second_copy_of_the_descriptors_is_made() {
+        let rows = FloatRows::from_vec(2, vec![3.0, 1.0, 0.0, 0.0]);
+        let values = rows.data().as_ptr();
+        let keypoint = Keypoint {
+            at: Point2::origin(),
+            size: 1.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        let plain = Features::new(Size::new(1, 1), vec![keypoint; 2], Descriptors::Float(rows));
+        let Descriptors::Float(roots) = with_roots(plain).descriptors else {
+            panic!("real values");
+        };
+        assert_eq!(roots.data(), [0.75_f32.sqrt(), 0.5, 0.0, 0.0]);
+        assert_eq!(roots.data().as_ptr(), values);
     }
 }
