@@ -470,6 +470,15 @@ done
     }
 
     #[test]
+    fn a_byte_order_mark_before_a_message_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let marked = PROGRAM.replace("echo '{", r"printf '\357\273\277'; echo '{");
+        assert_ne!(marked, PROGRAM);
+        let external = start(folder.path(), &marked);
+        assert!(match_one(&external).is_ok());
+    }
+
+    #[test]
     fn when_a_run_is_stopped_no_child_is_started_in_the_place_of_another() {
         let matches = "echo '{\"type\":\"matched\",\"pair\":[0,1],\"count\":0}'";
         // It answers, hangs, or ends.

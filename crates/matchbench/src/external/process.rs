@@ -42,6 +42,8 @@ const LONGEST_LOGGED: usize = 1 << 16;
 const WAITING: usize = 16;
 /// How long a child may take to go once it is asked to.
 const GRACE: Duration = Duration::from_secs(3);
+/// U+FEFF in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// How often a child that is waited for is looked at.
 const LOOK: Duration = Duration::from_millis(200);
 /// A look that took so much longer than it was to take: meanwhile this process was stopped.
@@ -367,7 +369,9 @@ fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log, complaint: &Mut
             }
             Ok(lines::Line::End) | Err(_) => return,
         }
-        match serde_json::from_slice::<Value>(&line) {
+        // Some languages write it before their first line.
+        let text = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&line);
+        match serde_json::from_slice::<Value>(text) {
             Ok(message) if message.get("type").is_some_and(Value::is_string) => {
                 if heard.send(Heard::Message(message)).is_err() {
                     return;
@@ -376,7 +380,7 @@ fn sort(stdout: impl Read, heard: &SyncSender<Heard>, log: &Log, complaint: &Mut
             _ if line.is_empty() => {}
             read => {
                 if let Err(error) = read
-                    && is_like_a_message(&line)
+                    && is_like_a_message(text)
                 {
                     *lock(complaint) = format!("{}, which is no JSON: {error}", told(&line));
                 }
