@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use common::{dataset, matchbench};
+use common::{dataset, matchbench, wall_matches};
 
 /// A program in the language of the shell: every pair has the matches of `matches.f32`, COUNT of them.
 const PROGRAM: &str = r#"
@@ -25,18 +25,8 @@ done
 
 /// The manifest of a program in `folder` that has 60 matches, each so many times.
 fn toy(folder: &Path, times: usize) -> String {
-    let mut rows = Vec::new();
-    for i in 0..60_u8 {
-        let (x, y) = (
-            f32::from(i % 10) * 14.0 + 10.0,
-            f32::from(i / 10) * 17.0 + 8.0,
-        );
-        for value in [x, y, x - 5.0, y, 0.1] {
-            rows.extend(value.to_le_bytes());
-        }
-    }
     let program = PROGRAM.replace("COUNT", &(60 * times).to_string());
-    fs::write(folder.join("matches.f32"), rows.repeat(times)).expect("writable");
+    fs::write(folder.join("matches.f32"), wall_matches().repeat(times)).expect("writable");
     fs::write(folder.join("toy.sh"), program).expect("writable");
     let manifest = folder.join("toy.toml");
     fs::write(

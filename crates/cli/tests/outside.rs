@@ -10,7 +10,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use common::{dataset, matchbench, send, stop_signal};
+use common::{dataset, matchbench, send, stop_signal, wall_matches};
 
 /// A program in the language of the shell: every pair has the matches of `matches.f32`, unless there is
 /// a file `break`, whose text it runs instead.
@@ -35,17 +35,7 @@ done
 fn toy(folder: &Path) -> (PathBuf, PathBuf) {
     let home = folder.join("toy");
     fs::create_dir_all(&home).expect("writable");
-    let mut rows = Vec::new();
-    for i in 0..60_u8 {
-        let (x, y) = (
-            f32::from(i % 10) * 14.0 + 10.0,
-            f32::from(i / 10) * 17.0 + 8.0,
-        );
-        for value in [x, y, x - 5.0, y, 0.1] {
-            rows.extend(value.to_le_bytes());
-        }
-    }
-    fs::write(home.join("matches.f32"), rows).expect("writable");
+    fs::write(home.join("matches.f32"), wall_matches()).expect("writable");
     fs::write(home.join("version"), "1.0").expect("writable");
     fs::write(home.join("toy.sh"), PROGRAM).expect("writable");
     let manifest = home.join("toy.toml");

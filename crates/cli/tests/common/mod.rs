@@ -51,6 +51,23 @@ fn wall(shift: usize) -> Vec<u8> {
     file
 }
 
+/// 60 matches of neighbouring images of [`dataset`], as programs write them: rows of `xa ya xb yb ambiguity`.
+#[cfg(unix)]
+#[allow(dead_code)] // by some of the tests
+pub(crate) fn wall_matches() -> Vec<u8> {
+    let mut rows = Vec::new();
+    for i in 0..60_u8 {
+        let (x, y) = (
+            f32::from(i % 10) * 14.0 + 10.0,
+            f32::from(i / 10) * 17.0 + 8.0,
+        );
+        for value in [x, y, x - 5.0, y, 0.1] {
+            rows.extend(value.to_le_bytes());
+        }
+    }
+    rows
+}
+
 /// Sends a signal to a process.
 #[cfg(unix)]
 #[allow(dead_code)] // by some of the tests

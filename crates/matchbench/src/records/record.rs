@@ -298,51 +298,9 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn a_record_survives_its_line_bit_for_bit() {
-        let estimate = RelativePose::from_isometry(&Isometry3::new(
-            Vector3::new(0.1, 0.2, 0.3),
-            Vector3::y() * 0.1,
-        ))
-        .unwrap();
-        let record = RunRecord {
-            task: Task {
-                dataset: "office".into(),
-                matcher: "sift".into(),
-                estimator: "ransac-e".into(),
-                a: 3,
-                b: 4,
-                repetition: 0,
-            },
-            counts: Counts::default(),
-            correct: None,
-            repeated: None,
-            by_depth: Some(ByDepth {
-                overlap: Some(0.1 + 0.2),
-                judged: 0,
-                within: [0; 10],
-                repeated: None,
-            }),
-            outcome: Outcome::judged(
-                &estimate,
-                &Isometry3::translation(1.0, 2.0, 0.1),
-                9,
-                12,
-                100,
-            ),
-            times: StageTimes {
-                search: Some(0.1 + 0.2),
-                ..StageTimes::default()
-            },
-            device: None,
-        };
-        let line = serde_json::to_string(&record).unwrap();
-        assert_eq!(serde_json::from_str::<RunRecord>(&line).unwrap(), record);
-    }
-
-    /// The errors that a record may state where these are found, by whether it is believed.
-    fn is_believed(stated: Outcome, found: &Outcome) -> bool {
-        let record = RunRecord {
+    /// A record of this outcome and nothing else.
+    fn record_of(outcome: Outcome) -> RunRecord {
+        RunRecord {
             task: Task {
                 dataset: "office".into(),
                 matcher: "sift".into(),
@@ -355,11 +313,46 @@ mod tests {
             correct: None,
             repeated: None,
             by_depth: None,
-            outcome: stated,
+            outcome,
             times: StageTimes::default(),
             device: None,
+        }
+    }
+
+    #[test]
+    fn a_record_survives_its_line_bit_for_bit() {
+        let estimate = RelativePose::from_isometry(&Isometry3::new(
+            Vector3::new(0.1, 0.2, 0.3),
+            Vector3::y() * 0.1,
+        ))
+        .unwrap();
+        let outcome = Outcome::judged(
+            &estimate,
+            &Isometry3::translation(1.0, 2.0, 0.1),
+            9,
+            12,
+            100,
+        );
+        let record = RunRecord {
+            by_depth: Some(ByDepth {
+                overlap: Some(0.1 + 0.2),
+                judged: 0,
+                within: [0; 10],
+                repeated: None,
+            }),
+            times: StageTimes {
+                search: Some(0.1 + 0.2),
+                ..StageTimes::default()
+            },
+            ..record_of(outcome)
         };
-        record.contradiction(found).is_none()
+        let line = serde_json::to_string(&record).unwrap();
+        assert_eq!(serde_json::from_str::<RunRecord>(&line).unwrap(), record);
+    }
+
+    /// The errors that a record may state where these are found, by whether it is believed.
+    fn is_believed(stated: Outcome, found: &Outcome) -> bool {
+        record_of(stated).contradiction(found).is_none()
     }
 
     #[test]
