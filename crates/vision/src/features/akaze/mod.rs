@@ -128,8 +128,9 @@ struct Derivatives {
 
 impl Derivatives {
     fn new(size: Size) -> Self {
-        let dx = FloatImage::filled(size, 0.0);
-        Self { dy: dx.clone(), dx }
+        // Not one the copy of the other: memory that is new is zero without being written.
+        let [dx, dy] = [(); 2].map(|()| FloatImage::filled(size, 0.0));
+        Self { dx, dy }
     }
 }
 

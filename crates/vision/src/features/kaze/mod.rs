@@ -121,10 +121,11 @@ struct Planes {
 
 impl Planes {
     fn new(size: Size) -> Self {
-        let dx = FloatImage::filled(size, 0.0);
+        // Not one the copy of the other: memory that is new is zero without being written.
+        let [dx, dy] = [(); 2].map(|()| FloatImage::filled(size, 0.0));
         Self {
-            dy: dx.clone(),
             dx,
+            dy,
             determinant: RowBuffer::whole(size),
         }
     }
