@@ -220,6 +220,10 @@ fn what_cannot_be_compared_is_refused_in_words() {
         let message = refused(folder, words);
         assert!(message.contains(said), "{words:?}: {message}");
     }
+    fs::create_dir(folder.join("begun")).expect("writable");
+    fs::copy(folder.join("run/plan.json"), folder.join("begun/plan.json")).expect("writable");
+    let message = refused(folder, &["compare", "run", "begun"]);
+    assert!(message.contains("begun has no results yet"), "{message}");
 }
 
 #[test]

@@ -25,6 +25,9 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     );
     let after = args.after.as_ref().unwrap_or(&args.before);
     let sets = [load(&args.before, None)?, load(after, None)?];
+    for (run, sets) in [&args.before, after].into_iter().zip(&sets) {
+        ensure!(!sets.is_empty(), "{} has no results yet", run.display());
+    }
     same_truth(&args.before, after)?;
     let (matches, alone) = match &args.matchers[..] {
         [] => same_methods(&sets),

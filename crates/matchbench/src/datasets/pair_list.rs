@@ -86,7 +86,7 @@ fn named(
     };
     distinct(file, |row| {
         let [a, b] = two_names(row)
-            .ok_or("two names of images are expected (a tab separates names with blanks)")?;
+            .ok_or("two names of images are expected (a tab separates names with blanks; a comma separates nothing)")?;
         let (a, b) = (find(a)?, find(b)?);
         if a == b {
             return Err(format!(
