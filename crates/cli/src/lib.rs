@@ -70,7 +70,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             return u8::from(error.use_stderr());
         }
     };
-    let ending = environment().and_then(|()| in_pool(&cli.command));
+    let ending = environment()
+        .and_then(|()| stop::report_files_too_large())
+        .and_then(|()| in_pool(&cli.command));
     stop::wait_if_ending();
     match ending {
         Ok(Ending::Done) => 0,

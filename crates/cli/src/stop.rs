@@ -72,6 +72,16 @@ pub(crate) fn end_on_ctrl_c() -> Result<()> {
     listen(|| end())
 }
 
+/// Makes a file that would grow beyond the size that `ulimit -f` allows an error of whoever writes it, as on a full disk.
+/// Otherwise the system ends the process without a word.
+pub(crate) fn report_files_too_large() -> Result<()> {
+    #[cfg(unix)]
+    // What is registered does not matter: the system only ends a process that does not listen.
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())
+        .context("cannot listen for files that are too large")?;
+    Ok(())
+}
+
 /// Ends the process, and the matchers from outside before it: they are no longer in the group that the terminal stops.
 /// Temporary folders go too.
 fn end() -> ! {

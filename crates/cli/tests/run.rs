@@ -400,3 +400,24 @@ fn runs_that_are_joined_can_be_finished() {
         assert!(code == Some(0) && !said.contains("missing"), "{said}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_file_that_may_not_grow_is_an_error_and_the_run_goes_on_without_that_limit() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 6);
+    let run = ["run", "wall", "--matchers", "orb", "--out", "out"];
+    // Two to four kilobytes, whichever blocks the shell counts.
+    let script = "ulimit -f 4 && exec \"$0\" \"$@\"";
+    let mut limited = std::process::Command::new("sh");
+    limited.args(["-c", script, env!("CARGO_BIN_EXE_matchbench")]);
+    let limited = limited.args(run).current_dir(folder).output();
+    let limited = limited.expect("there is a shell");
+    let said = String::from_utf8_lossy(&limited.stderr);
+    assert_eq!(limited.status.code(), Some(1), "{said}");
+    assert!(said.contains("File too large"), "{said}");
+    let (code, said) = ended(folder, &run);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(records(&folder.join("out"), "wall", "orb").len(), 15);
+}
