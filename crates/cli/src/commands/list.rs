@@ -102,7 +102,7 @@ fn list_protocols(out: &mut impl Write) -> io::Result<()> {
 
 fn describe_protocol(out: &mut impl Write, protocol: &Protocol) -> io::Result<()> {
     let (id, summary) = (protocol.id, protocol.summary);
-    writeln!(out, "  {id:<14} {summary}\n      {}", protocol.reference)?;
+    writeln!(out, "  {id:<16} {summary}\n      {}", protocol.reference)?;
     writeln!(out, "      read in {}", protocol.source)?;
     for (what, how) in protocol.in_words() {
         writeln!(out, "      {what}: {how}")?;
@@ -117,7 +117,7 @@ fn list_datasets(out: &mut impl Write) -> io::Result<()> {
         let pairs = counted(rendered::sequence(scene).pairs.len(), "pair");
         writeln!(
             out,
-            "  {:<14} {}\n      {images}, {pairs}",
+            "  {:<16} {}\n      {images}, {pairs}",
             scene.name, scene.description
         )?;
     }
@@ -131,7 +131,7 @@ fn list_datasets(out: &mut impl Write) -> io::Result<()> {
             None => "those that it lists".to_owned(),
         };
         let options: Vec<String> = kind.options.iter().map(ToString::to_string).collect();
-        writeln!(out, "  {:<14} {}\n      pairs: {pairs}", kind.id, kind.help)?;
+        writeln!(out, "  {:<16} {}\n      pairs: {pairs}", kind.id, kind.help)?;
         if !options.is_empty() {
             writeln!(out, "      options: {}", options.join(" "))?;
         }
@@ -156,7 +156,7 @@ fn list_formats(out: &mut impl Write) -> io::Result<()> {
         };
         writeln!(
             out,
-            "  {:<14} {}\n      {way}; {center}",
+            "  {:<16} {}\n      {way}; {center}",
             format.id, format.layout
         )?;
     }
@@ -199,7 +199,7 @@ fn of_estimator(entry: &dyn EstimatorEntry) -> Entry {
 
 /// An entry and its parameters, one on a line.
 fn describe(out: &mut impl Write, entry: &Entry) -> io::Result<()> {
-    writeln!(out, "  {:<14} {}", entry.id, entry.summary)?;
+    writeln!(out, "  {:<16} {}", entry.id, entry.summary)?;
     writeln!(out, "      {}", entry.reference)?;
     for parameter in &entry.parameters {
         write!(out, "      {} = {}", parameter.name, parameter.default)?;
