@@ -18,7 +18,7 @@ use rayon::ThreadPool;
 use crate::errors::error;
 
 /// How often the thread of the caller checks for Ctrl-C.
-pub(crate) const TICK: Duration = Duration::from_millis(50);
+const TICK: Duration = Duration::from_millis(50);
 
 /// The process that imported the package.
 static IMPORTED_BY: OnceLock<u32> = OnceLock::new();
@@ -44,43 +44,68 @@ pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send)
 /// which `work` may end sooner; it is raised when `work` has ended, whose result is dropped.
 ///
 /// # Errors
-/// If a forked process cannot start threads; what a signal raises.
+/// If threads cannot be started; what a signal raises.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     cancel: &Cancel,
     work: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
     let pool = pool_if_forked()?;
+    let mut interrupted = None;
+    let look = || {
+        if interrupted.is_none() {
+            interrupted = signalled();
+            if interrupted.is_some() {
+                cancel.set();
+            }
+        }
+    };
+    let ended = watched(py, || work_in(pool, work), look)?;
+    let result = ended.unwrap_or_else(|panic| resume_unwind(panic));
+    interrupted.map_or(Ok(result), Err)
+}
+
+/// Runs `work` in a thread of its own while the interpreter is released, and calls `look` in that of the caller again and
+/// again, and once more when `work` has ended. Returns its result, or what it panicked with.
+///
+/// # Errors
+/// If the thread cannot be started.
+pub(crate) fn watched<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send,
+    mut look: impl FnMut() + Send,
+) -> PyResult<thread::Result<T>> {
     py.detach(|| {
         thread::scope(|scope| {
             let (done, waiting) = channel();
             let worker = thread::Builder::new().stack_size(STACK);
             let worker = worker.spawn_scoped(scope, move || {
                 // The receiver waits until this is sent.
-                let _ = done.send(work_in(pool, work));
+                let _ = done.send(work());
             })?;
-            let mut interrupted = None;
             loop {
                 match waiting.recv_timeout(TICK) {
-                    Ok(result) => return interrupted.map_or(Ok(result), Err),
-                    Err(RecvTimeoutError::Timeout) => {}
-                    Err(RecvTimeoutError::Disconnected) => {
-                        resume_unwind(worker.join().expect_err("it ended without a result"))
+                    Ok(result) => {
+                        look();
+                        return Ok(Ok(result));
                     }
-                }
-                if interrupted.is_none() {
-                    let signalled = Python::attach(|py| {
-                        py.check_signals()?;
-                        Ok::<_, PyErr>(())
-                    });
-                    interrupted = signalled.err();
-                    if interrupted.is_some() {
-                        cancel.set();
+                    Err(RecvTimeoutError::Timeout) => look(),
+                    Err(RecvTimeoutError::Disconnected) => {
+                        return Ok(Err(worker.join().expect_err("it ended without a result")));
                     }
                 }
             }
         })
     })
+}
+
+/// What a signal raises that came since the last look.
+pub(crate) fn signalled() -> Option<PyErr> {
+    let checked = Python::attach(|py| {
+        py.check_signals()?;
+        Ok::<_, PyErr>(())
+    });
+    checked.err()
 }
 
 fn work_in<T: Send>(pool: Option<Arc<ThreadPool>>, work: impl FnOnce() -> T + Send) -> T {

@@ -5,8 +5,6 @@ use std::ffi::OsString;
 use std::iter;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::thread;
 
 use matchbench::config::Changes;
 use matchbench::counted::counted;
@@ -21,7 +19,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::datasets::Dataset;
-use crate::detached::{TICK, detached};
+use crate::detached::{detached, signalled, watched};
 use crate::errors::{error, value_error};
 use crate::integers::whole;
 use crate::progress::{Progress, State};
@@ -149,59 +147,33 @@ fn listening(
     let mut interrupted = None;
     // Until this run is over: none takes their place, but the next run has its own.
     let mut all_ended = None;
-    let ended = py.detach(|| {
-        thread::scope(|scope| {
-            let (done, waiting) = channel();
-            let pool = &pool;
-            let worker = scope.spawn(move || {
-                let ended = pool.install(|| run.execute(observer, cancel));
-                // The receiver waits until this is sent.
-                let _ = done.send(ended);
-            });
-            let mut shown = None;
-            loop {
-                let ended = match waiting.recv_timeout(TICK) {
-                    Ok(ended) => Some(ended),
-                    Err(RecvTimeoutError::Timeout) => None,
-                    Err(RecvTimeoutError::Disconnected) => {
-                        // It panicked. A thread that is joined does not pass this on.
-                        let _ = worker.join();
-                        return None;
-                    }
-                };
-                let state = observer.state();
-                // The first error is raised in the end, and nothing is shown after it.
-                let signalled = Python::attach(|py| {
-                    py.check_signals()?;
-                    Ok::<_, PyErr>(())
-                });
-                if let Err(raised) = signalled {
-                    cancel.set();
-                    if interrupted.is_some() {
-                        all_ended.get_or_insert_with(external::end_all);
-                    }
-                    interrupted.get_or_insert(raised);
-                }
-                if let Some(progress) = progress
-                    && interrupted.is_none()
-                    && state.total > 0
-                    && shown.as_ref() != Some(&state)
-                {
-                    let (dataset, matcher) = &state.part;
-                    let told = (state.done, state.total, dataset, matcher);
-                    if let Err(raised) = Python::attach(|py| progress.call1(py, told).map(drop)) {
-                        cancel.set();
-                        interrupted = Some(raised);
-                    }
-                }
-                shown = Some(state);
-                if ended.is_some() {
-                    return ended;
-                }
+    let mut shown = None;
+    let look = || {
+        let state = observer.state();
+        // The first error is raised in the end, and nothing is shown after it.
+        if let Some(raised) = signalled() {
+            cancel.set();
+            if interrupted.is_some() {
+                all_ended.get_or_insert_with(external::end_all);
             }
-        })
-    });
-    let ended = ended.ok_or_else(|| error("the run broke; its message is on standard error"))?;
+            interrupted.get_or_insert(raised);
+        }
+        if let Some(progress) = progress
+            && interrupted.is_none()
+            && state.total > 0
+            && shown.as_ref() != Some(&state)
+        {
+            let (dataset, matcher) = &state.part;
+            let told = (state.done, state.total, dataset, matcher);
+            if let Err(raised) = Python::attach(|py| progress.call1(py, told).map(drop)) {
+                cancel.set();
+                interrupted = Some(raised);
+            }
+        }
+        shown = Some(state);
+    };
+    let ended = watched(py, || pool.install(|| run.execute(observer, cancel)), look)?;
+    let ended = ended.map_err(|_| error("the run broke; its message is on standard error"))?;
     match interrupted {
         Some(raised) => Err(raised),
         None => ended.map_err(error),
