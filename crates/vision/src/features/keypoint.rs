@@ -245,6 +245,22 @@ impl Features {
 }
 
 #[cfg(test)]
+impl Features {
+    /// Features at one place, for tests that look at descriptors alone.
+    pub(crate) fn of_descriptors(descriptors: Descriptors) -> Self {
+        let keypoint = Keypoint {
+            at: Point2::origin(),
+            size: 1.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        let keypoints = vec![keypoint; descriptors.len()];
+        Self::new(Size::new(1, 1), keypoints, descriptors)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::features::FloatRows;

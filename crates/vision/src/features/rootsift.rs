@@ -60,10 +60,7 @@ pub(super) fn with_roots(features: Features) -> Features {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point2;
-
     use super::*;
-    use crate::features::Keypoint;
     use crate::features::sift::SiftParams;
     use crate::seed::Seed;
 
@@ -98,14 +95,7 @@ mod tests {
     fn no_second_copy_of_the_descriptors_is_made() {
         let rows = FloatRows::from_vec(2, vec![3.0, 1.0, 0.0, 0.0]);
         let values = rows.data().as_ptr();
-        let keypoint = Keypoint {
-            at: Point2::origin(),
-            size: 1.0,
-            angle: None,
-            response: 1.0,
-            octave: 0,
-        };
-        let plain = Features::new(Size::new(1, 1), vec![keypoint; 2], Descriptors::Float(rows));
+        let plain = Features::of_descriptors(Descriptors::Float(rows));
         let Descriptors::Float(roots) = with_roots(plain).descriptors else {
             panic!("real values");
         };

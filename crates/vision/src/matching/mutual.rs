@@ -46,31 +46,13 @@ pub(super) fn keep_mutual(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point2;
-
     use super::*;
-    use crate::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
-    use crate::image::Size;
+    use crate::features::{BinaryRows, Descriptors, Features, FloatRows};
     use crate::matching::{NearestNeighbours, Search};
-
-    fn features(descriptors: Descriptors) -> Features {
-        let keypoint = Keypoint {
-            at: Point2::origin(),
-            size: 1.0,
-            angle: None,
-            response: 1.0,
-            octave: 0,
-        };
-        Features::new(
-            Size::new(1, 1),
-            vec![keypoint; descriptors.len()],
-            descriptors,
-        )
-    }
 
     /// Pairs that are left of all nearest neighbours.
     fn mutual(a: Descriptors, b: Descriptors) -> Vec<(u32, u32)> {
-        let (a, b) = (features(a), features(b));
+        let [a, b] = [a, b].map(Features::of_descriptors);
         let mut matches = NearestNeighbours.search(&a, &b);
         let [a, b] = [&a, &b].map(|features| View {
             features,

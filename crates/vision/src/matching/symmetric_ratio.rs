@@ -50,27 +50,13 @@ impl Selector for SymmetricRatioTest {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point2;
-
     use super::*;
-    use crate::features::{Descriptors, Features, FloatRows, Keypoint};
-    use crate::image::Size;
+    use crate::features::{Descriptors, Features, FloatRows};
     use crate::matching::{NearestNeighbours, Search};
 
     fn features(values: &[f32]) -> Features {
-        let keypoint = Keypoint {
-            at: Point2::origin(),
-            size: 1.0,
-            angle: None,
-            response: 1.0,
-            octave: 0,
-        };
         let rows = FloatRows::from_vec(1, values.to_vec());
-        Features::new(
-            Size::new(1, 1),
-            vec![keypoint; values.len()],
-            Descriptors::Float(rows),
-        )
+        Features::of_descriptors(Descriptors::Float(rows))
     }
 
     #[test]
