@@ -92,7 +92,8 @@ pub struct PoseProbabilities {
 
 impl TwoViews<'_> {
     /// How far a pose can be trusted, judged by these matches. The probabilities are calibrated on scenes of
-    /// many kinds, and do not depend on the estimator.
+    /// many kinds, for poses of estimators of the essential matrix. For poses that come from a fundamental matrix, from
+    /// which right matches lie further, they are too low.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
