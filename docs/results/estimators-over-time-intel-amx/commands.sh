@@ -1,0 +1,4 @@
+#!/bin/sh
+# The commands of the other processor, without SupeRANSAC.
+set -e
+. ../estimators-over-time/commands.sh
