@@ -25,7 +25,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use args::{Cli, Command};
 pub use output::plain;
 
-use output::say;
+use output::{print_help, say};
 use stop::STOPPED;
 use threads::Threads;
 
@@ -62,17 +62,17 @@ impl Ending {
 /// code: 0 if everything was done, 1 after an error, which is printed, or if a matcher gave up and left tasks, 2 if some
 /// tasks failed, 130 if the user stopped it. Handles the signals by which users stop it.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(arguments) {
-        Ok(cli) => cli,
-        Err(error) => {
-            // Help and version are errors here too; they go to standard output and are not a failure.
+    let ending = match Cli::try_parse_from(arguments) {
+        Ok(cli) => environment()
+            .and_then(|()| stop::report_files_too_large())
+            .and_then(|()| in_pool(&cli.command)),
+        Err(error) if error.use_stderr() => {
             let _ = error.print();
-            return u8::from(error.use_stderr());
+            return 1;
         }
+        // Help and version are errors here too; they go to standard output and are not a failure.
+        Err(help) => Ending::Done.after(print_help(&help)),
     };
-    let ending = environment()
-        .and_then(|()| stop::report_files_too_large())
-        .and_then(|()| in_pool(&cli.command));
     stop::wait_if_ending();
     match ending {
         Ok(Ending::Done) => 0,

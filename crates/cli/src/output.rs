@@ -48,6 +48,12 @@ pub(crate) fn stdout() -> impl Write {
     Harmless(io::stdout())
 }
 
+/// Prints a help text or the version, coloured for a terminal, to standard output.
+pub(crate) fn print_help(help: &clap::Error) -> io::Result<()> {
+    let printed = help.print().and_then(|()| io::stdout().flush());
+    printed.map_err(of_standard_output)
+}
+
 /// The error with the place that it is about; a reader that left is told from it.
 fn of_standard_output(error: io::Error) -> io::Error {
     match error.kind() {

@@ -71,23 +71,41 @@ fn what_is_no_file_is_written_into_and_never_replaced() {
     );
 }
 
+/// Output for which there is no room.
+fn full() -> Stdio {
+    let device = OpenOptions::new().write(true).open("/dev/full");
+    Stdio::from(device.expect("a device of Linux"))
+}
+
+/// Output whose reader has gone.
+fn closed() -> Stdio {
+    let (reader, writer) = std::io::pipe().expect("pipes can be made");
+    drop(reader);
+    Stdio::from(writer)
+}
+
+#[test]
+fn help_that_cannot_be_written_is_an_error_and_a_reader_may_leave() {
+    let all = "--help,-h,--version,help run,run --help,list,completions bash,man";
+    for arguments in all.split(',') {
+        let to = |out: Stdio| matchbench().args(arguments.split(' ')).stdout(out).output();
+        let unwritten = to(full()).expect("the program starts");
+        assert_eq!(unwritten.status.code(), Some(1), "{arguments:?}");
+        let message = message(&unwritten);
+        assert!(
+            message.starts_with("error: standard output: "),
+            "{arguments:?}: {message}"
+        );
+        let unread = to(closed()).expect("the program starts");
+        assert_eq!(unread.status.code(), Some(0), "{arguments:?}");
+        assert!(unread.stderr.is_empty(), "{arguments:?}");
+    }
+}
+
 #[test]
 fn results_do_not_depend_on_somebody_who_listens() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (wall, run) = run_of(folder.path());
-    let full = || {
-        Stdio::from(
-            OpenOptions::new()
-                .write(true)
-                .open("/dev/full")
-                .expect("a device of Linux"),
-        )
-    };
-    let closed = || {
-        let (reader, writer) = std::io::pipe().expect("pipes can be made");
-        drop(reader);
-        Stdio::from(writer)
-    };
     // Where the table goes, where messages go, and how the program ends.
     let listeners = [
         (Stdio::piped(), full(), 0),
