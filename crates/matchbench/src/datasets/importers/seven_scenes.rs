@@ -3,9 +3,9 @@
 //!
 //! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix, in the source
 //! folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those of the depth camera, so
-//! they are approximate for colour images. If a pose is not finite (tracking was lost), the image is reported
-//! and left out. `frame-000017.depth.png`, if it exists, is the depth in millimetres, with 65535 where nothing
-//! was measured. It was taken by the depth camera, some centimetres beside the colour camera, so it is as
+//! they are approximate for colour images. If a pose is not finite (tracking was lost) or is not there, the image
+//! is reported and left out. `frame-000017.depth.png`, if it exists, is the depth in millimetres, with 65535 where
+//! nothing was measured. It was taken by the depth camera, some centimetres beside the colour camera, so it is as
 //! approximate as the poses.
 //!
 //! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
@@ -24,6 +24,7 @@ use super::{
     images_left_out, own_name, unread_left_out,
 };
 use crate::counted::counted;
+use crate::datasets::listed::is_there;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{About, DatasetError, DepthFile, DepthUnit, Frame};
 
@@ -60,7 +61,7 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     }
     let camera = given.unwrap_or(KINECT_COLOR);
     let mut frames = Vec::new();
-    let mut left_out = Vec::new();
+    let (mut lost, mut without) = (Vec::new(), Vec::new());
     let (images, mut unread) = images_and_unread(&folder)?;
     unread.retain(|name| name.contains(COLOR));
     for image in images {
@@ -69,8 +70,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             continue; // depth images lie beside
         };
         let file = folder.join(format!("{stem}.pose.txt"));
+        if !is_there(&file) {
+            without.push(name);
+            continue;
+        }
         match pose(&TextFile::read(&file)?)? {
-            None => left_out.push(name),
+            None => lost.push(name),
             Some(pose) => {
                 let path = folder.join(format!("{stem}.depth.png"));
                 let depth = path.is_file().then_some(DepthFile { path, unit: DEPTH });
@@ -78,7 +83,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
             }
         }
     }
-    notes.extend(images_left_out("whose pose is not finite", &left_out));
+    notes.extend(images_left_out("whose pose is not finite", &lost));
+    notes.extend(images_left_out("without a pose", &without));
     notes.extend(unread_left_out(&unread));
     Ok(Imported {
         about: About {

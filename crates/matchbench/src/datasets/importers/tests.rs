@@ -270,7 +270,7 @@ fn strecha_gives_each_image_its_camera() {
 }
 
 #[test]
-fn seven_scenes_skips_lost_poses() {
+fn seven_scenes_skips_lost_and_missing_poses() {
     let pose = "1 0 0 3\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
     let lost = pose.replace('3', "nan");
     let files = [
@@ -281,6 +281,7 @@ fn seven_scenes_skips_lost_poses() {
         ("seq-01/frame-000002.depth.pfm", ""),
         ("seq-01/frame-000001.color.png", ""),
         ("seq-01/frame-000001.pose.txt", lost.as_str()),
+        ("seq-01/frame-000003.color.png", ""),
     ];
     let (_folder, src) = source("chess", &files);
     let found = read("7scenes", &src).unwrap();
@@ -294,7 +295,9 @@ fn seven_scenes_skips_lost_poses() {
         found.about.notes[1].starts_with("left out: ")
             && found.about.notes[1].ends_with(" (frame-000001.color.png)")
     );
-    assert!(found.about.notes[2].ends_with("are not read (frame-000002.color.jxl)"));
+    let without = "left out: 1 image without a pose (frame-000003.color.png)";
+    assert_eq!(found.about.notes[2], without);
+    assert!(found.about.notes[3].ends_with("are not read (frame-000002.color.jxl)"));
     fs::create_dir(src.join("seq-02")).unwrap();
     assert!(
         read("7scenes", &src)
@@ -331,7 +334,9 @@ fn seven_scenes_skips_lost_poses() {
     }
     fs::remove_file(src.join("seq-01/frame-000000.pose.txt")).unwrap();
     let error = read_source("7scenes", &src, &options).unwrap_err();
-    assert!(error.file.ends_with("frame-000000.pose.txt"));
+    let without =
+        "left out: 2 images without a pose (frame-000000.color.png, frame-000003.color.png)";
+    assert!(error.what.starts_with("no image has a pose; ") && error.what.contains(without));
 }
 
 #[test]
