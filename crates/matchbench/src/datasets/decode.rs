@@ -9,6 +9,7 @@
 //! | colour WebP | `(9798 R + 19235 G + 3735 B + 2^14) >> 15` |
 //! | 16 bit | the same in 16 bit, then `>> 8` |
 //! | PNM whose largest value is not 255 or 65535 | scaled up to it first, which OpenCV does not do |
+//! | CMYK TIFF | its red, green and blue, as colour |
 //! | alpha | ignored |
 //!
 //! Choices. The format is recognised by content, not by name. Pixels are taken as stored: an EXIF orientation
@@ -43,6 +44,10 @@ const JPEG_BYTES: usize = 9;
 pub(super) const COLOUR_BYTES: usize = 6;
 /// What the JPEG decoder says of a channel with three blocks across in a unit.
 const THREE_ACROSS: &str = "Horizontal sample is not a power of two(3) cannot decode";
+/// What the JPEG decoder says of values that have 12 bits or 16, how it begins.
+const MORE_BITS: &str = "The library can only parse 8-bit images";
+/// What the JPEG decoder says if it knows no frame of the file.
+const NO_FRAME: &str = "Error decoding SOF Marker, Number of components cannot be zero.";
 /// What is read besides JPEG. The decoders may know more, which other packages ask them for.
 const FORMATS: [ImageFormat; 5] = [
     ImageFormat::Png,
@@ -244,6 +249,12 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
         E::Format(what) if what == THREE_ACROSS => DecodeError::Unsupported(
             "a JPEG with a sampling factor of 3 (4:4:4, 4:2:2, 4:2:0 and 4:1:1 are read)".into(),
         ),
+        E::SofError(what) if what.starts_with(MORE_BITS) => {
+            DecodeError::Unsupported("a JPEG whose values do not have 8 bits".into())
+        }
+        E::FormatStatic(NO_FRAME) => DecodeError::Unsupported(
+            "a JPEG without a frame of Huffman codes: it may be lossless, JPEG-LS, or arithmetically coded".into(),
+        ),
         other => DecodeError::Damaged(other.to_string()),
     }
 }
@@ -268,10 +279,6 @@ pub(super) fn with_other<T>(
         Some(ImageFormat::WebP) => CVT_COLOR,
         Some(ImageFormat::Pnm) => {
             pnm::check_samples(bytes)?;
-            IMGCODECS
-        }
-        Some(ImageFormat::Tiff) => {
-            tiff::check_order_of_bits(bytes)?;
             IMGCODECS
         }
         _ => IMGCODECS,
@@ -318,17 +325,22 @@ pub(super) fn limits(pixels: u64) -> image::Limits {
     limits
 }
 
-fn size_of_other(reader: impl BufRead + Seek) -> Result<Size, DecodeError> {
-    let mut reader = ImageReader::new(reader)
-        .with_guessed_format()
-        .map_err(|_| DecodeError::UnknownFormat)?;
-    reader.limits(limits(0));
-    if reader
-        .format()
-        .is_none_or(|format| !FORMATS.contains(&format))
-    {
-        return Err(DecodeError::UnknownFormat);
+fn size_of_other(mut file: impl BufRead + Seek) -> Result<Size, DecodeError> {
+    let guessed = ImageReader::new(&mut file).with_guessed_format();
+    let format = guessed.ok().and_then(|reader| reader.format());
+    let format = format.filter(|format| FORMATS.contains(format));
+    let Some(format) = format else {
+        return Err(if tiff::is_big(file) {
+            DecodeError::Unsupported("a BigTIFF".into())
+        } else {
+            DecodeError::UnknownFormat
+        });
+    };
+    if format == ImageFormat::Tiff {
+        tiff::check_pixels(&mut file)?;
     }
+    let mut reader = ImageReader::with_format(file, format);
+    reader.limits(limits(0));
     let (width, height) = reader
         .into_dimensions()
         .map_err(|error| other_error(&error))?;

@@ -39,7 +39,7 @@ pub enum DecodeError {
     /// The decoder panicked, which it should do for no file.
     #[error("the decoder of the image panicked: {0}")]
     Panicked(String),
-    /// Pixels of a kind that cannot be turned into gray (floating point, CMYK).
+    /// Pixels of a kind that cannot be turned into gray (floating point, CMYK of a JPEG), or a kind of file that is not read.
     #[error("unsupported pixels: {0}")]
     Unsupported(String),
     /// Pixels that are no depth.
@@ -56,7 +56,9 @@ pub enum DecodeError {
 impl DecodeError {
     fn remedy(&self) -> &'static str {
         match self {
-            Self::UnknownFormat => "convert it to png",
+            Self::UnknownFormat => {
+                "convert it to png; if it should be one of these, copy or download it again"
+            }
             Self::Truncated | Self::Damaged(_) => "copy or download the file again",
             Self::AboveLargest { .. } => {
                 "write the largest value that it has into the header, or copy or download the file again"

@@ -151,6 +151,34 @@ fn a_jpeg_with_a_sampling_factor_of_three_is_not_called_damaged() {
 }
 
 #[test]
+fn a_jpeg_of_another_kind_is_not_called_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("0001.jpg");
+    let sound = fixture("gray.jpg");
+    let frame = (sound.windows(2)).position(|marker| marker == [0xff, 0xc0]);
+    let frame = frame.expect("it is sequential");
+    // Marker, length, bits.
+    let with = |at: usize, byte: u8| {
+        let mut other = sound.clone();
+        other[frame + at] = byte;
+        other
+    };
+    let no_frame = "a JPEG without a frame of Huffman codes: it may be lossless, JPEG-LS, or arithmetically coded";
+    for (file, what) in [
+        (with(4, 12), "a JPEG whose values do not have 8 bits"),
+        (with(1, 0xc3), no_frame),
+        (with(1, 0xc9), no_frame),
+        (with(1, 0xf7), no_frame),
+    ] {
+        fs::write(&path, file).unwrap();
+        for error in [read_gray(&path).unwrap_err(), read_size(&path).unwrap_err()] {
+            assert_eq!(error.what, format!("unsupported pixels: {what}"));
+            assert_eq!(error.remedy, "convert it to a png of 8-bit gray or colour");
+        }
+    }
+}
+
+#[test]
 fn a_jpeg_cut_anywhere_is_refused_also_with_an_end_marker_put_on() {
     for name in JPEGS {
         let whole = fixture(name);
