@@ -83,7 +83,9 @@ fn the_shards_of_a_run_file_are_its_run() {
         fs::rename(folder.join(name), folder.join("studies/data").join(name)).expect("writable");
     }
     fs::write(folder.join("studies/study.toml"), text).expect("writable");
-    let set = ["--set", "ransac-e.threshold_px=3"];
+    // The second is one of several parts, whose others stay what the file says.
+    let mut set = vec!["--set", "ransac-e.threshold_px=3"];
+    set.extend(["--set", r#"sift.extractor={"sigma":1.7}"#]);
     let ends = |words: &[&str]| {
         let mut command = matchbench();
         let output = command.current_dir(folder).args(words).output();
@@ -103,7 +105,13 @@ fn the_shards_of_a_run_file_are_its_run() {
     let plan_of = |run: &str| fs::read_to_string(folder.join(run).join("plan.json"));
     let planned = plan_of("merged").expect("a plan");
     assert_eq!(planned, plan_of("studies/run").expect("a plan"));
-    assert!(planned.contains("\"threshold_px\": 3.0"), "{planned}");
+    for set in [
+        "threshold_px\": 3.0",
+        "contrast_threshold\": 0.01",
+        "sigma\": 1.7",
+    ] {
+        assert!(planned.contains(set), "{set}: {planned}");
+    }
     for (name, pairs) in [("wall", 6), ("tower", 3)] {
         let merged = poses(&folder.join("merged"), name, "sift");
         assert_eq!(merged.len(), 2 * pairs);

@@ -10,7 +10,7 @@ use matchbench::records::ShardPlan;
 use matchbench::records::shards::{Asked, Part};
 use matchbench::run::{images_of_one, plan_shards};
 
-use super::job::{named, replace, tell_news};
+use super::job::{changes, named, replace, tell_news};
 use crate::Ending;
 use crate::args::PlanArgs;
 use crate::output::{say, stdout, typed};
@@ -18,7 +18,6 @@ use crate::stop::end_on_ctrl_c;
 
 pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
     let mut study = named(&args.datasets)?;
-    let written = study.set.settings();
     replace(&mut study, &args.matchers, &args.choices, &args.files)?;
     study.out = Some(args.out.clone());
     let own = study
@@ -47,12 +46,12 @@ pub(crate) fn run(args: &PlanArgs) -> Result<Ending> {
         prepared.absent.is_empty(),
         "every matcher must start here, since its version and parameters belong to the plan"
     );
-    // Settings that are given by hand come last and win.
+    // What is set wins over what was tuned, as in a run.
     let tuned = prepared.tuned.iter().map(|tuned| tuned.setting.clone());
-    let by_hand = args.choices.set.iter().cloned();
+    let changed = changes(&tuned.collect::<Vec<_>>())?.with(study.set.clone());
     let has_own = study.datasets.iter().any(|d| d.matchers.is_some());
     let asked = Asked {
-        settings: tuned.chain(written).chain(by_hand).collect(),
+        settings: changed.settings()?,
         matchers: if has_own {
             study.all_matchers()
         } else {

@@ -62,11 +62,18 @@ impl Changes {
         others.all(|(id, other)| holds(self.0.get(id), other))
     }
 
-    /// The settings that [`Changes::parse`] reads as these changes, one for each value.
-    pub fn settings(&self) -> Vec<String> {
+    /// The settings that [`Changes::parse`] reads as these changes. Each has one value, or all values of a part where names
+    /// in it cannot stand in a setting.
+    ///
+    /// # Errors
+    /// If a parameter itself has such a name, which programs from outside may have.
+    pub fn settings(&self) -> Result<Vec<String>, ConfigError> {
         fn add(path: &str, value: &Value, settings: &mut Vec<String>) {
+            let more = path.split('.').count() < MAX_NAMES;
             match value {
-                Value::Object(parts) => {
+                Value::Object(parts)
+                    if more && !parts.is_empty() && parts.keys().all(|name| is_name(name)) =>
+                {
                     for (name, part) in parts {
                         add(&format!("{path}.{name}"), part, settings);
                     }
@@ -76,9 +83,17 @@ impl Changes {
         }
         let mut settings = Vec::new();
         for (id, params) in &self.0 {
+            let names = params.as_object().into_iter().flat_map(Map::keys);
+            if let Some(name) = { names }.find(|name| !is_name(name)) {
+                let reason = format!(
+                    "`{name}` cannot be given as ID.NAME=VALUE, where `.` and `=` have a meaning; give it in the manifest \
+                     of the matcher"
+                );
+                return Err(ConfigError::new(id, reason));
+            }
             add(id, params, &mut settings);
         }
-        settings
+        Ok(settings)
     }
 
     /// The changed parameters of the matcher or estimator `id`, if there are any.
@@ -96,6 +111,11 @@ impl Changes {
 pub fn parse_value(text: &str) -> Value {
     let number = || Number::from_f64(text.parse().ok()?).map(Value::Number);
     serde_json::from_str(text).unwrap_or_else(|_| number().unwrap_or_else(|| text.into()))
+}
+
+/// Whether a name can stand in a setting.
+fn is_name(name: &str) -> bool {
+    !name.is_empty() && !name.contains(['.', '='])
 }
 
 fn insert(changes: &mut Map<String, Value>, setting: &str) -> Result<(), String> {
@@ -157,9 +177,29 @@ mod tests {
         let params = json!({"ratio": 0.1, "name": "0.5", "list": [1, "a"],
                             "extractor": {"sift": {"sigma": 2.0, "upright": true}}});
         let changes = Changes::of_one("code", params);
-        let settings = changes.settings();
+        let settings = changes.settings().unwrap();
         assert_eq!(settings.len(), 5, "{settings:?}");
         assert_eq!(Changes::parse(&settings), Ok(changes));
+    }
+
+    #[test]
+    fn settings_of_any_parameters_of_a_program_are_these_parameters() {
+        let deep = (0..20).fold(json!(1), |inner, _| json!({"a": inner}));
+        let params = json!({"text": "a, \"b\" c=d 'e'\n", "number": "0.50", "nothing": {}, "deep": deep,
+                            "parts": {"x": {"con.thr": 0.5, "a=b": {"": 1}}, "y": 2}});
+        let changes = Changes::of_one("mine", params);
+        let settings = changes.settings().unwrap();
+        assert!(settings.contains(&"mine.parts.y=2".to_owned()));
+        assert_eq!(Changes::parse(&settings), Ok(changes));
+        for name in ["con.thr", "a=b", ""] {
+            let error = Changes::of_one("mine", json!({name: 0.5})).settings();
+            let said = error.unwrap_err().to_string();
+            let words = format!("parameters of `mine`: `{name}` cannot be given as ID.NAME=VALUE");
+            assert!(
+                said.starts_with(&words) && said.contains("manifest"),
+                "{said}"
+            );
+        }
     }
 
     #[test]
