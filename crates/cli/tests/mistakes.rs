@@ -40,6 +40,50 @@ fn a_number_of_things_that_cannot_be_none_is_a_whole_number() {
 }
 
 #[test]
+fn blanks_stand_behind_the_commas_of_every_list_and_nothing_does_not() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    let run = ["run", "wall", "--matchers=sift, orb", "--out=run"];
+    succeeds(
+        folder,
+        &[&run[..], &["--estimator=ransac-e , best"]].concat(),
+    );
+    for words in [
+        &["eval", "run", "--protocol=superglue, roma"][..],
+        &["compare", "run", "--matchers=sift , orb"],
+        &[
+            "tune",
+            "wall",
+            "--matchers=sift",
+            "--parameter=lmeds-e.sampler",
+            "--values=uniform, prosac",
+            "--out=t",
+        ],
+    ] {
+        succeeds(folder, words);
+    }
+    let said = refused(
+        folder,
+        &["paper", "absent", "--out=p", "--sequences=05, 06"],
+    );
+    assert!(said.contains("paper --where"), "{said}");
+    // As a shell hands over `--matchers sift, orb`.
+    for words in [
+        &["run", "wall", "--matchers", "sift,", "orb", "--out=x"][..],
+        &["eval", "run", "--protocol", "superglue,"],
+        &["compare", "run", "--matchers", "sift,", "orb"],
+        &["paper", "absent", "--out=p", "--sequences", "05,"],
+    ] {
+        let said = refused(folder, words);
+        assert!(
+            said.contains("commas separate nothing here"),
+            "{words:?}: {said}"
+        );
+    }
+}
+
+#[test]
 fn where_one_of_two_arguments_is_needed_both_are_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (words, named) in [

@@ -175,6 +175,16 @@ fn from_one<N: TryFrom<NonZeroU64>>(text: &str) -> Result<N, String> {
     N::try_from(number).map_err(|_| "give a smaller number".to_owned())
 }
 
+/// A part of a list without the blanks that stand beside commas.
+fn trimmed(text: &str) -> Result<String, &'static str> {
+    match text.trim() {
+        "" => Err(
+            "commas separate nothing here; write a,b without blanks, or put all of it in quotes",
+        ),
+        part => Ok(part.to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::ffi::OsStr;

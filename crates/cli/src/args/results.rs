@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{from_one, one_of, run_folder};
+use super::{from_one, one_of, run_folder, trimmed};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -32,7 +32,7 @@ pub(crate) struct EvalArgs {
     /// Score by the protocol of another benchmark, and say where the run departed from it: protocols of
     /// `matchbench list protocols`, separated by commas, or `all`. If the run was made under protocols of other
     /// benchmarks, `all` are those that it was made under
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', value_parser = trimmed)]
     pub protocol: Vec<String>,
     /// How to write the scores
     #[arg(long, value_enum, default_value_t = FormatArg::Table)]
@@ -198,7 +198,7 @@ pub(crate) struct CompareArgs {
     #[arg(value_name = "AFTER", value_parser = run_folder())]
     pub after: Option<PathBuf>,
     /// Two methods to compare with each other, separated by a comma
-    #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "FIRST,SECOND", value_delimiter = ',', num_args = 1, value_parser = trimmed)]
     pub matchers: Vec<String>,
     /// Folder of a page that shows the pairs where they differ most
     #[arg(long, value_name = "DIR")]

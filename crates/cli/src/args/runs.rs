@@ -1,13 +1,12 @@
 //! Arguments of the commands that match: matchers and estimators on datasets, or on one pair.
 
-use std::convert::Infallible;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use matchbench::records::KeepMatches;
 
-use super::{from_one, one_of, run_folder};
+use super::{from_one, one_of, run_folder, trimmed};
 use crate::threads::Threads;
 
 #[derive(Debug, Args)]
@@ -311,7 +310,7 @@ pub(crate) struct PaperArgs {
     #[arg(long, value_name = "DIR", required_unless_present = "where_to_find")]
     pub out: Option<PathBuf>,
     /// Only these sequences, 01 to 08 [default: all]
-    #[arg(long, value_name = "NN", value_delimiter = ',')]
+    #[arg(long, value_name = "NN", value_delimiter = ',', value_parser = trimmed)]
     pub sequences: Vec<String>,
     /// A quick look: some pairs of each sequence, without the slow matchers
     #[arg(long)]
@@ -389,7 +388,7 @@ pub(crate) struct TuneArgs {
     #[arg(long, value_name = "ESTIMATOR.NAME")]
     pub parameter: String,
     /// The values to try, separated by commas
-    #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "VALUES", value_delimiter = ',', required = true, value_parser = trimmed)]
     pub values: Vec<String>,
     /// Folder of the run that tries the values; running the command again resumes it
     #[arg(long, value_name = "DIR")]
@@ -524,11 +523,6 @@ pub(crate) struct CheckArgs {
     /// Change a parameter (repeatable)
     #[arg(long, value_name = "NAME.KEY=VALUE")]
     pub set: Vec<String>,
-}
-
-/// A name without the blanks that stand beside commas.
-fn trimmed(text: &str) -> Result<String, Infallible> {
-    Ok(text.trim().to_owned())
 }
 
 /// `640x480`: width and height.
