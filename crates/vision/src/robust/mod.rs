@@ -24,6 +24,7 @@
 //! # Ok::<(), matchbench_vision::ParamError>(())
 //! ```
 
+mod coarse_pose;
 pub mod consensus;
 mod degensac;
 pub mod essential_problem;

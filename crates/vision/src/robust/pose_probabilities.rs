@@ -41,6 +41,10 @@
 //! A plane allows two poses. So the product is multiplied by the share of the pose beside the other one, where that explains
 //! the near matches as well (`robust/plane_rivals.rs`).
 //!
+//! A pose can be right within degrees although most right matches are not near it. So a *coarse* pose is judged by the pose that
+//! a refinement over all matches leads to, if this one has at least twice as many near matches (`robust/coarse_pose.rs`). It
+//! is right if that one is, and if it is within 10 degrees of it.
+//!
 //! Each regression is `p = 1 / (1 + exp(-(w_0 + sum w_i ln number_i)))`. A low `overlap` says that the images show
 //! nothing in common or that the matches do not tell; these two cases cannot be told apart.
 //!
@@ -51,6 +55,7 @@
 //! the calibration error 0.05 in the mean over six places, and no pair of two places has an `overlap` above 0.5.
 
 use super::TwoViews;
+use super::coarse_pose::{MORE, finer_pose};
 use super::consensus::inliers_within;
 use super::grid::{FAR_AT_DEPTH_1, cells_of, span};
 use super::plane_rivals::share_beside_rivals;
@@ -92,26 +97,22 @@ pub struct PoseProbabilities {
 
 impl TwoViews<'_> {
     /// How far a pose can be trusted, judged by these matches. The probabilities are calibrated on scenes of
-    /// many kinds, for poses of estimators of the essential matrix. For poses that come from a fundamental matrix, from
-    /// which right matches lie further, they are too low.
+    /// many kinds, for poses of estimators of the essential matrix. Coarser ones, as those that come from a fundamental
+    /// matrix, are judged by the pose that they lead to.
     ///
     /// # Panics
     /// If the lists of the matches have different lengths.
     pub fn pose_probabilities(&self, b_from_a: &RelativePose) -> PoseProbabilities {
         let (pairs, focal) = (self.at_depth_1(), self.mean_focal());
         let near = NearMatches::of(b_from_a, &pairs, focal);
-        let alone = near.probabilities(b_from_a, &pairs, focal);
-        let variance = near.noise * near.noise;
-        let share = share_beside_rivals(
-            b_from_a,
-            &near.pairs,
-            near.squared_limit,
-            variance,
-            RIGHT_POSE,
-        );
+        let Some((finer, nearer)) = near.of_finer_pose(b_from_a, &pairs, focal) else {
+            return near.probabilities_beside_rivals(b_from_a, &pairs, focal);
+        };
+        let of_finer = nearer.probabilities_beside_rivals(&finer, &pairs, focal);
+        let is_close = finer.error(b_from_a).max().to_degrees() < RIGHT_POSE;
         PoseProbabilities {
-            right: alone.right * share,
-            ..alone
+            right: if is_close { of_finer.right } else { 0.0 },
+            ..of_finer
         }
     }
 }
@@ -144,8 +145,45 @@ impl NearMatches {
         }
     }
 
-    /// The probabilities of the pose that these matches of all `pairs` are near, without a look at the other pose that a
-    /// plane allows.
+    /// The pose that a [coarse](super::coarse_pose) one leads to, and the matches near it; none if the given pose, which these
+    /// matches of all `pairs` are near, is not coarse.
+    fn of_finer_pose(
+        &self,
+        b_from_a: &RelativePose,
+        pairs: &PointPairs,
+        focal: f64,
+    ) -> Option<(RelativePose, Self)> {
+        let least = MORE * self.pairs.len().max(SAMPLE);
+        if least > pairs.len() {
+            return None;
+        }
+        let finer = finer_pose(b_from_a, pairs, focal);
+        let near = Self::of(&finer, pairs, focal);
+        (near.pairs.len() >= least).then_some((finer, near))
+    }
+
+    /// The probabilities of the pose that these matches of all `pairs` are near.
+    fn probabilities_beside_rivals(
+        &self,
+        b_from_a: &RelativePose,
+        pairs: &PointPairs,
+        focal: f64,
+    ) -> PoseProbabilities {
+        let alone = self.probabilities(b_from_a, pairs, focal);
+        let share = share_beside_rivals(
+            b_from_a,
+            &self.pairs,
+            self.squared_limit,
+            self.noise * self.noise,
+            RIGHT_POSE,
+        );
+        PoseProbabilities {
+            right: alone.right * share,
+            ..alone
+        }
+    }
+
+    /// As [`Self::probabilities_beside_rivals`], without a look at the other pose that a plane allows.
     fn probabilities(
         &self,
         b_from_a: &RelativePose,

@@ -74,6 +74,43 @@ fn matches_that_agree_are_trusted_and_random_ones_are_not() {
     assert!(bad.right <= bad.overlap && bad.overlap < 0.2, "{bad:?}");
 }
 
+/// The truth, turned about the vertical axis by some degrees.
+fn turned(degrees: f64) -> RelativePose {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), degrees.to_radians());
+    RelativePose {
+        rotation: turn * truth().rotation,
+        direction: turn * truth().direction,
+    }
+}
+
+#[test]
+fn a_coarse_pose_is_judged_by_the_one_that_it_leads_to() {
+    let points = matches(300, 100, 1.0);
+    let right = views(&points).pose_probabilities(&truth());
+    let coarse = |degrees| {
+        let pairs = views(&points).at_depth_1();
+        let near = NearMatches::of(&turned(degrees), &pairs, views(&points).mean_focal());
+        // Hardly any more than one in eight: the pose looks like one of wrong matches.
+        assert!(near.pairs.len() < 60, "{}", near.pairs.len());
+        views(&points).pose_probabilities(&turned(degrees))
+    };
+    for degrees in [-8.0, -4.0, 4.0, 8.0] {
+        let found = coarse(degrees);
+        assert!((found.right - right.right).abs() < 0.05, "{found:?}");
+        assert!((found.overlap - right.overlap).abs() < 0.01, "{found:?}");
+    }
+    // It leads to the right one, and so is known to be wrong.
+    for degrees in [-12.0, 12.0] {
+        let found = coarse(degrees);
+        assert!(found.right == 0.0 && found.overlap > 0.95, "{found:?}");
+    }
+    let points = matches(0, 400, 1.0);
+    for degrees in [-8.0, 0.0, 8.0] {
+        let found = views(&points).pose_probabilities(&turned(degrees));
+        assert!(found.overlap < 0.2, "{found:?}");
+    }
+}
+
 #[test]
 fn a_hopeless_pair_is_given_up_after_a_quarter_of_the_samples() {
     let adaptive = presets::adaptive();
