@@ -10,6 +10,17 @@ use tiff::tags::Tag;
 
 use super::DecodeError;
 
+/// Compressions that are not read, by their numbers.
+const COMPRESSIONS: [(u64, &str); 7] = [
+    (6, "JPEG of the old kind"),
+    (34_712, "JPEG 2000"),
+    (34_925, "LZMA"),
+    (34_933, "PNG"),
+    (50_000, "Zstandard"),
+    (50_001, "WebP"),
+    (50_002, "JPEG XL"),
+];
+
 /// Checks that the pixels are of a kind that is read, and goes back to the beginning of the file.
 ///
 /// # Errors
@@ -41,6 +52,11 @@ fn unread_pixels(file: &mut Decoder<impl Read + Seek>) -> Option<String> {
         return Some(format!(
             "whose pixels begin at the lowest bit of a byte (FillOrder {order}, not 1)"
         ));
+    }
+    let compression = odd(Tag::Compression, &[1]);
+    let known = |(number, _): &&(u64, &str)| Some(*number) == compression;
+    if let Some((_, name)) = COMPRESSIONS.iter().find(known) {
+        return Some(format!("that is compressed by {name}"));
     }
     match odd(Tag::PhotometricInterpretation, &[0, 1]) {
         Some(3) => return Some("with a palette".to_owned()),
@@ -112,6 +128,11 @@ mod tests {
             let tags = [(256, 1), (257, 1), (258, bits), (259, 1), (278, 1)];
             testing::tiff(&[&tags, more].concat(), &[0; 16])
         };
+        let compressed = |number| {
+            let tags = [(256, 1), (257, 1), (258, 8), (259, number)];
+            let more = [(262, 1), (277, 1), (278, 1)];
+            testing::tiff(&[&tags[..], &more].concat(), &[0; 16])
+        };
         let big = |magic: &[u8]| [magic, &[0; 20]].concat();
         for (file, what) in [
             (of(8, &[(262, 3), (277, 1)]), "a TIFF with a palette"),
@@ -136,6 +157,12 @@ mod tests {
                 of(32, &[(262, 1), (277, 1)]),
                 "a TIFF of 32 bits per value (1, 8 and 16 are read)",
             ),
+            (
+                compressed(6),
+                "a TIFF that is compressed by JPEG of the old kind",
+            ),
+            (compressed(34_712), "a TIFF that is compressed by JPEG 2000"),
+            (compressed(50_000), "a TIFF that is compressed by Zstandard"),
             (big(b"II+\0"), "a BigTIFF"),
             (big(b"MM\0+"), "a BigTIFF"),
         ] {
