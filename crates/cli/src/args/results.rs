@@ -236,7 +236,7 @@ pub(crate) struct ExportArgs {
     /// matrices: as many matches as it had inliers, those nearest to the pose
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
-    /// Where datasets are now, if they were moved
+    /// Where datasets are now, if they were moved, separated by commas (repeatable)
     #[arg(long, value_name = "DATASET", value_delimiter = ',')]
     pub datasets: Vec<PathBuf>,
 }
