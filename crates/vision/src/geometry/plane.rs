@@ -14,15 +14,19 @@
 
 use nalgebra::{Matrix3, SVD};
 
-use super::essential::{MAX_SVD_STEPS, scaled};
+use super::essential::{MAX_SVD_STEPS, essential_defect, scaled};
 use super::solvers::Solutions;
 
 /// If the singular values are this close together, H is taken for a rotation, which says nothing about a plane.
 const MIN_SPAN: f64 = 1e-9;
 
+/// With a larger defect ([`essential_defect`]) the rotation is none: H has hardly more than one direction, and the rest of
+/// it is rounding.
+const MAX_DEFECT: f64 = 1e-6;
+
 /// The essential matrices of the two poses that explain a homography from a to b of points at depth 1. They
 /// have Frobenius norm 1 and any sign. Scale and sign of `h` do not matter. There are none if `h` is a rotation
-/// or has no inverse.
+/// or has no inverse, and none that are not essential if it has hardly one.
 pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
     let mut found = Solutions::none();
     let h = &scaled(h);
@@ -56,7 +60,7 @@ pub fn essentials_of_plane(h: &Matrix3<f64>) -> Solutions<Matrix3<f64>, 2> {
         let translation = (h - rotation) * normal;
         let essential = translation.cross_matrix() * rotation;
         let norm = essential.norm();
-        if norm.is_finite() && norm > MIN_SPAN {
+        if norm.is_finite() && norm > MIN_SPAN && essential_defect(&essential) < MAX_DEFECT {
             found.push(essential / norm);
         }
     }
@@ -68,7 +72,7 @@ mod tests {
     use nalgebra::{UnitQuaternion, UnitVector3, Vector3};
 
     use super::*;
-    use crate::geometry::{RelativePose, essential_defect, essential_from_pose};
+    use crate::geometry::{RelativePose, essential_from_pose};
     use crate::seed::Seed;
 
     #[test]
@@ -134,6 +138,26 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn of_almost_singular_matrices_only_essential_ones_come_back() {
+        let mut rng = Seed(9).rng();
+        let mut found = 0;
+        for round in 0..4000 {
+            let mut vector = || Vector3::from_fn(|_, _| rng.normal());
+            // One direction, and less and less beside it.
+            let h = vector() * vector().transpose();
+            let beside = Matrix3::from_columns(&[(); 3].map(|()| vector()));
+            let h = h + beside * 10_f64.powi(-(round % 20));
+            for e in essentials_of_plane(&h).iter() {
+                let defect = essential_defect(e);
+                assert!(defect < 1e-6, "{round}: {defect}, {h}");
+                found += usize::from(round % 20 < 5);
+            }
+        }
+        // Nothing is lost where the singular values are as far apart as 10,000.
+        assert_eq!(found, 2 * 200 * 5);
     }
 
     #[test]
