@@ -38,19 +38,15 @@ pub(super) fn blur_at(
         let rows = input.rows(y - reach..y + reach + 1);
         return weigh_about(rows.map(|row| &row[start..][..columns]), taps, columns);
     }
-    let mirrored = |v: usize, length: usize| {
-        let places = (0..count).map(move |i| (v + i) as isize - reach as isize);
-        places.map(move |place| Border::Mirror.index(place, length))
-    };
+    let [first_row, first] = [y, x].map(|v| v as isize - reach as isize);
+    let within = x.saturating_sub(reach)..size.width.min(x + reach + 1);
     let mut pixels = vec![0.0; count * columns];
-    for (part, y) in pixels
-        .chunks_exact_mut(columns)
-        .zip(mirrored(y, size.height))
-    {
-        let row = input.row(y);
-        for (pixel, x) in part.iter_mut().zip(mirrored(x, size.width)) {
-            *pixel = row[x - held.start];
-        }
+    for (part, place) in pixels.chunks_exact_mut(columns).zip(first_row..) {
+        let row = input.row(Border::Mirror.index(place, size.height));
+        let part = &mut part[..count];
+        part[(within.start as isize - first) as usize..][..within.len()]
+            .copy_from_slice(&row[within.start - held.start..within.end - held.start]);
+        Border::Mirror.fill_ends(part, first, size.width);
     }
     weigh_about(pixels.chunks_exact(columns), taps, columns)
 }
