@@ -56,7 +56,8 @@ pub fn five_point(a: &[Point2<f64>; 5], b: &[Point2<f64>; 5]) -> Solutions<Matri
 
 /// Writes the solutions of [`five_point`] for each of at most [`SAMPLES_AT_ONCE`] samples to `solutions`, whose
 /// old content is replaced. Eight samples take hardly longer than one. With `oriented`, only matrices are kept
-/// that [agree in orientation](crate::geometry::agree_in_orientation) with all five matches.
+/// that [agree in orientation](crate::geometry::agree_in_orientation) with all five matches before they are polished (step
+/// 6). Of a degenerate sample a matrix may be kept that no longer does when it is polished.
 ///
 /// # Panics
 /// If there are more samples.
