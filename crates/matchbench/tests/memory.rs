@@ -8,8 +8,10 @@ use matchbench::matchers::{MATCHERS, build, find};
 use matchbench_vision::image::{GrayImage, Size};
 use matchbench_vision::seed::Seed;
 
-/// Names the matcher that a child process is to measure.
+/// Names the matcher that a child process is to measure, its parameters, and width and height of the image.
 const MATCHER: &str = "MATCHBENCH_TEST_MATCHER";
+const PARAMS: &str = "MATCHBENCH_TEST_PARAMS";
+const IMAGE: [&str; 2] = ["MATCHBENCH_TEST_WIDTH", "MATCHBENCH_TEST_HEIGHT"];
 const SIZE: Size = Size {
     width: 1000,
     height: 700,
@@ -18,10 +20,10 @@ const SIZE: Size = Size {
 const BESIDE: f64 = 8e6;
 
 /// A wall of small patches with a little noise.
-fn wall() -> GrayImage {
+fn wall(size: Size) -> GrayImage {
     let mut rng = Seed(5).rng();
     let patches: Vec<u8> = (0..10_007).map(|_| 40 + rng.below(170) as u8).collect();
-    GrayImage::from_fn(SIZE, |x, y| {
+    GrayImage::from_fn(size, |x, y| {
         let patch = (x / 9 * 7919 + y / 7 * 104_729) % patches.len();
         patches[patch] + rng.below(6) as u8
     })
@@ -41,21 +43,31 @@ fn status(field: &str) -> f64 {
 fn child() {
     let Ok(id) = env::var(MATCHER) else { return };
     let entry = find(&id).expect("it is listed");
-    let matcher = build(entry, None).expect("defaults are in range").matcher;
-    let image = wall();
-    let said = matcher.extraction_memory(SIZE) as f64;
+    let given = |name| env::var(name).expect("given with the matcher");
+    let params = serde_json::from_str(&given(PARAMS)).expect("JSON");
+    let built = build(entry, Some(&params)).expect("they are in range");
+    let matcher = built.matcher;
+    let [width, height] = IMAGE.map(|name| given(name).parse().expect("a number"));
+    let image = wall(Size::new(width, height));
+    let said = matcher.extraction_memory(image.size()) as f64;
     fs::write("/proc/self/clear_refs", "5").expect("Linux resets the peak");
     let before = status("VmRSS");
     let features = matcher.extract(&image).expect("it cannot fail");
-    assert!(!features.is_empty());
+    assert!(!features.is_empty() || height < 100, "strips have none");
     println!("\n{MATCHER} {said} {}", status("VmHWM") - before);
 }
 
 /// What a matcher says, and what it takes, in bytes.
-fn measure(id: &str) -> (f64, f64) {
+fn measure(id: &str, params: &str, size: Size) -> (f64, f64) {
     let output = Command::new(env::current_exe().expect("it runs"))
         .args(["--exact", "child", "--ignored", "--nocapture"])
         .env(MATCHER, id)
+        .env(PARAMS, params)
+        .envs(
+            IMAGE
+                .into_iter()
+                .zip([size.width, size.height].map(|v| v.to_string())),
+        )
         .env("RAYON_NUM_THREADS", "1")
         // What was freed is given back at once, so that the peak is that of what is in use.
         .env("MALLOC_ARENA_MAX", "1")
@@ -72,9 +84,10 @@ fn measure(id: &str) -> (f64, f64) {
     (next(), next())
 }
 
-fn near_the_truth(id: &str) {
-    let (said, taken) = measure(id);
-    let area = SIZE.area() as f64;
+fn near_the_truth(id: &str, params: &str, size: Size) {
+    let (said, taken) = measure(id, params, size);
+    let area = size.area() as f64;
+    let id = format!("{id} {params} {size}");
     println!(
         "{id}: said {:.1}, taken {:.1} bytes a pixel",
         said / area,
@@ -93,14 +106,34 @@ fn near_the_truth(id: &str) {
 #[test]
 fn what_is_said_is_near_what_is_taken() {
     for id in ["sift", "orb", "kaze", "akaze"] {
-        near_the_truth(id);
+        near_the_truth(id, "{}", SIZE);
     }
+}
+
+/// Rows and columns beyond the borders of a strip take more than its pixels.
+#[test]
+fn what_is_said_of_strips_is_near_what_is_taken() {
+    near_the_truth("kaze", "{}", Size::new(600_000, 1));
+    near_the_truth("akaze", "{}", Size::new(300_000, 3));
+}
+
+#[test]
+fn parameters_that_find_more_features_are_known_to_take_more() {
+    let sift = r#"{"extractor": {"octave_layers": 16, "contrast_threshold": 0.0}}"#;
+    near_the_truth("sift", sift, SIZE);
+    near_the_truth(
+        "sift",
+        r#"{"extractor": {"sigma": 0.5}}"#,
+        Size::new(1500, 1000),
+    );
+    let orb = r#"{"extractor": {"features": 1000000}}"#;
+    near_the_truth("orb", orb, Size::new(3000, 2500));
 }
 
 #[test]
 #[ignore = "takes minutes"]
 fn what_any_matcher_says_is_near_what_it_takes() {
     for entry in MATCHERS {
-        near_the_truth(entry.id());
+        near_the_truth(entry.id(), "{}", SIZE);
     }
 }

@@ -84,6 +84,14 @@ impl BudgetOrb {
             large: (budget == Budget::Authors).then(|| orb(100_000, 5)),
         }
     }
+
+    /// The one for images of this size.
+    fn of(&self, size: Size) -> &Orb {
+        match &self.large {
+            Some(large) if size.area() > SMALL => large,
+            _ => &self.small,
+        }
+    }
 }
 
 impl Extractor for BudgetOrb {
@@ -92,14 +100,11 @@ impl Extractor for BudgetOrb {
     }
 
     fn extract(&self, image: &GrayImage) -> Features {
-        match &self.large {
-            Some(large) if image.data().len() > SMALL => large.extract(image),
-            _ => self.small.extract(image),
-        }
+        self.of(image.size()).extract(image)
     }
 
     fn memory(&self, size: Size) -> usize {
-        self.small.memory(size)
+        self.of(size).memory(size)
     }
 }
 

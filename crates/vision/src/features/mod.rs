@@ -98,9 +98,10 @@ pub trait Extractor: Send + Sync {
 
     /// About how many bytes [`Extractor::extract`] takes for an image of this `size`, its features among
     /// them and the image not: as measured on a wall of small patches, which has more features than most
-    /// photographs; with twice as many it still holds, and with settings that find more it may not. Where
-    /// several views of the image are worked on at a time (ASIFT), as many as the surrounding rayon pool has
-    /// threads count. 0 where nobody has said.
+    /// photographs; with twice as many it still holds. SIFT and ORB know which of their parameters find more;
+    /// with settings of others that do it may not hold. What does not depend on the size, less than a
+    /// megabyte, is left out. Where several views of the image are worked on at a time (ASIFT), as many as
+    /// the surrounding rayon pool has threads count. 0 where nobody has said.
     fn memory(&self, _size: Size) -> usize {
         0
     }
@@ -109,15 +110,29 @@ pub trait Extractor: Send + Sync {
 /// Pixels for each feature of a wall of small patches.
 const PIXELS_PER_FEATURE: usize = 80;
 
-/// The memory of an algorithm that takes so many bytes `a_pixel`, and of features with descriptors of
-/// this `kind`, whose vectors may be twice as long as they must be.
+/// Bytes for each pixel of the upper and of the left border of an image, measured: rows and columns that an algorithm
+/// keeps beyond the borders. Only strips have so many pixels there that this is much.
+const BYTES_PER_PIXEL_OF_BORDERS: usize = 64;
+
+/// The memory of an algorithm that takes so many bytes `a_pixel`, and of the features of a wall of small patches with
+/// descriptors of this `kind`.
 fn memory_of(size: Size, a_pixel: usize, kind: DescriptorKind) -> usize {
+    let features = size.area() / PIXELS_PER_FEATURE;
+    memory_of_pixels(size, a_pixel) + memory_of_features(features, kind)
+}
+
+/// The memory of an algorithm that takes so many bytes `a_pixel`, without that of its features.
+fn memory_of_pixels(size: Size, a_pixel: usize) -> usize {
+    size.area() * a_pixel + (size.width + size.height) * BYTES_PER_PIXEL_OF_BORDERS
+}
+
+/// The memory of so many features with descriptors of this `kind`, whose vectors may be twice as long as they must be.
+fn memory_of_features(features: usize, kind: DescriptorKind) -> usize {
     let descriptor = match kind {
         DescriptorKind::Float { dim } => dim * size_of::<f32>(),
         DescriptorKind::Binary { bits } => bits.div_ceil(8),
     };
-    let features = size.area() / PIXELS_PER_FEATURE;
-    size.area() * a_pixel + 2 * features * (size_of::<Keypoint>() + descriptor)
+    2 * features * (size_of::<Keypoint>() + descriptor)
 }
 
 /// The keypoints of one image and one detector, kept by a caller that runs several extractors on it.

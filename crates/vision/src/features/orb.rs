@@ -42,7 +42,10 @@
 use nalgebra::Point2;
 
 use super::fast::{Corner, corners};
-use super::{BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint, memory_of};
+use super::{
+    BinaryRows, DescriptorKind, Descriptors, Extractor, Features, Keypoint, memory_of_features,
+    memory_of_pixels,
+};
 use crate::image::{GrayImage, Size, gaussian_blur_u8_inside, resize};
 use crate::params::ParamError;
 use crate::simd::{
@@ -51,7 +54,10 @@ use crate::simd::{
 use crate::tables::ORB_PAIRS;
 
 /// Bytes for each pixel of the image, measured: scores and smaller images.
-const BYTES_PER_PIXEL: usize = 3;
+const BYTES_PER_PIXEL: usize = 2;
+
+/// Pixels of the image for each feature of a wall of small patches, measured; 9 without a threshold.
+const PIXELS_PER_FEATURE: usize = 12;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -247,7 +253,8 @@ impl Extractor for Orb {
     }
 
     fn memory(&self, size: Size) -> usize {
-        memory_of(size, BYTES_PER_PIXEL, self.kind())
+        let features = (self.params.features).min(size.area() / PIXELS_PER_FEATURE);
+        memory_of_pixels(size, BYTES_PER_PIXEL) + memory_of_features(features, self.kind())
     }
 }
 

@@ -337,3 +337,26 @@ fn parameters_out_of_range_are_named() {
         );
     }
 }
+
+/// The numbers were measured with an allocator that counts, on the wall of small patches of [`Extractor::memory`].
+#[test]
+fn the_strip_counts_where_it_is_more_than_the_features() {
+    let megabytes = |params, width, height| {
+        let sift = Sift::new(params).expect("in range");
+        Extractor::memory(&sift, Size::new(width, height)) as f64 * 1e-6
+    };
+    let default = SiftParams::default();
+    for (width, height, taken) in [(320, 240, 2.61), (640, 480, 6.23), (3072, 2048, 61.0)] {
+        let said = megabytes(default, width, height);
+        assert!(
+            said > taken && said < 2.1 * taken,
+            "{width} x {height}: {said}"
+        );
+    }
+    let wide = SiftParams {
+        sigma: 8.0,
+        ..default
+    };
+    let said = megabytes(wide, 640, 480);
+    assert!(said > 16.27 && said < 25.0, "{said}");
+}
