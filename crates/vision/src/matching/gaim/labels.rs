@@ -4,7 +4,9 @@
 //! each of which gives its nearest one. The nearest of these are taken, except those whose place is already
 //! among the taken ones. A candidate is missed only if a nearer one shares its block.
 
-use nalgebra::Matrix2;
+use std::collections::HashMap;
+
+use nalgebra::{Matrix2, Point2};
 
 use super::super::{Correspondence, Correspondences, Search, two_nearest};
 use crate::features::{Features, strongest};
@@ -17,6 +19,8 @@ const BLOCKS_PER_LABEL: usize = 16;
 const MAX_NODES: usize = 20_000;
 /// Most candidates per feature.
 const MAX_LABELS: usize = 10_000;
+/// So many places are compared faster than a grid is asked.
+const FEW: usize = 64;
 
 /// Search for several candidates per feature, for features that were found without simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,16 +98,12 @@ impl CandidateLabels {
         for (&node, nearest) in nodes.iter().zip(&mut nearest) {
             nearest.sort_by(|i, j| i.0.total_cmp(&j.0).then(i.1.cmp(&j.1)));
             let own = candidates.len();
+            let mut taken = Taken::new(apart);
             for &(distance, index) in nearest.iter() {
                 if candidates.len() - own == self.labels {
                     break;
                 }
-                let at = b.keypoints[index as usize].at;
-                let is_near = |m: &Correspondence| {
-                    (b.keypoints[m.b as usize].at - at).norm_squared() < apart * apart
-                };
-                // Without a distance nothing is near, however many candidates there are.
-                if apart == 0.0 || !candidates[own..].iter().any(is_near) {
+                if taken.add(b.keypoints[index as usize].at) {
                     candidates.push(Correspondence {
                         a: node as u32,
                         b: index,
@@ -141,6 +141,58 @@ impl CandidateLabels {
 impl Search for CandidateLabels {
     fn search(&self, a: &Features, b: &Features) -> Correspondences {
         self.of(&self.unsimulated(a), a, b)
+    }
+}
+
+/// Places of candidates of one feature, none of which is near another.
+struct Taken {
+    /// Distance below which a place is near another.
+    apart: f32,
+    /// The first [`FEW`], which are compared with all.
+    first: Vec<Point2<f32>>,
+    /// The others, in those cells of a grid that have some. Places that are near each other are in the same cell or in
+    /// cells that touch, so that few are compared, however many there are.
+    cells: HashMap<[i64; 2], Vec<Point2<f32>>>,
+}
+
+impl Taken {
+    /// None yet.
+    fn new(apart: f32) -> Self {
+        Self {
+            apart,
+            first: Vec::new(),
+            cells: HashMap::new(),
+        }
+    }
+
+    /// Takes a place, unless it is near one of those before.
+    fn add(&mut self, at: Point2<f32>) -> bool {
+        // Without a distance nothing is near.
+        if self.apart == 0.0 {
+            return true;
+        }
+        let is_near = |other: &Point2<f32>| (other - at).norm_squared() < self.apart * self.apart;
+        if self.first.iter().any(is_near) {
+            return false;
+        }
+        if self.first.len() < FEW {
+            self.first.push(at);
+            return true;
+        }
+        // A little wider than the distance, which is rounded. What is no number is near nothing, in whichever cell.
+        let side = 1.001 * f64::from(self.apart);
+        let cell = [at.x, at.y].map(|v| (f64::from(v) / side).floor() as i64);
+        let is_free = (-1..=1).all(|across| {
+            (-1..=1).all(|down| {
+                let beside = [cell[0].saturating_add(across), cell[1].saturating_add(down)];
+                let there = self.cells.get(&beside);
+                !there.is_some_and(|places| places.iter().any(is_near))
+            })
+        });
+        if is_free {
+            self.cells.entry(cell).or_default().push(at);
+        }
+        is_free
     }
 }
 

@@ -131,6 +131,55 @@ fn candidates_are_the_nearest_of_different_places() {
 }
 
 #[test]
+fn candidates_keep_their_distance_from_each_other_as_if_each_were_compared_with_each() {
+    let mut rng = Seed(8).rng();
+    let node = random_feature(&mut rng);
+    for (round, apart_px) in [0.1, 1.0, 5.0, 40.0, 2000.0, 1e30, 1e-30]
+        .into_iter()
+        .cycle()
+        .enumerate()
+        .take(28)
+    {
+        // On whole pixels distances are often exactly the limit; some places are no numbers, or far away.
+        let mut others: Vec<Feature> = (0..700).map(|_| random_feature(&mut rng)).collect();
+        for (index, (at, ..)) in others.iter_mut().enumerate() {
+            if round % 2 == 0 {
+                *at = at.map(f32::round) - Vector2::new(300.0, 200.0);
+            }
+            match index % 50 {
+                0 => at.x = f32::NAN,
+                1 => at.y = f32::INFINITY,
+                2 => at.x = -1e30,
+                _ => {}
+            }
+        }
+        let (a, b) = (features(&[node]), features(&others));
+        let params = |labels, apart_px| CandidateLabels {
+            labels,
+            apart_px,
+            ..CandidateLabels::default()
+        };
+        let taken = |params: CandidateLabels| -> Vec<u32> {
+            params.of(&[0], &a, &b).iter().map(|m| m.b).collect()
+        };
+        // As many blocks as with more labels than features, so that each is its own.
+        let apart = (apart_px * pixel(&b)) as f32;
+        let mut expected: Vec<u32> = Vec::new();
+        for index in taken(params(1000, 0.0)) {
+            let place = |index: u32| b.keypoints[index as usize].at;
+            let is_near =
+                |&other: &u32| (place(other) - place(index)).norm_squared() < apart * apart;
+            if !expected.iter().any(is_near) {
+                expected.push(index);
+            }
+        }
+        assert_eq!(taken(params(1000, apart_px)), expected, "{apart_px}");
+        expected.truncate(200);
+        assert_eq!(taken(params(200, apart_px)), expected, "{apart_px}");
+    }
+}
+
+#[test]
 fn only_what_was_seen_without_simulation_is_a_node() {
     let mut rng = Seed(4).rng();
     let mut list: Vec<Feature> = (0..6).map(|_| random_feature(&mut rng)).collect();
