@@ -187,7 +187,7 @@ fn adjugate(m: &Matrix2<f64>) -> Matrix2<f64> {
 
 /// Whether a map changes no length by more than a factor `most`, that is, whether its singular values are
 /// between `1 / most` and `most`.
-fn is_moderate(map: &Matrix2<f64>, most: f64) -> bool {
+pub(super) fn is_moderate(map: &Matrix2<f64>, most: f64) -> bool {
     // Sum and product of the squared singular values.
     let (sum, determinant) = (map.norm_squared(), map.determinant());
     let product = determinant * determinant;

@@ -384,3 +384,148 @@ fn parameters_out_of_range_are_refused_by_name() {
         assert!(message.contains(name), "{message}");
     }
 }
+
+/// Keypoints turned from 0.5 to 0.75 and grown from 4 to 8 agree with what turned and grew as much, wherever it began.
+#[test]
+fn a_match_turns_and_grows_from_a_to_b() {
+    let at = |size: f32, angle: f32| keypoint(Point2::new(1.0, 2.0), size, angle);
+    let (a, b) = ([at(4.0, 0.5), at(0.0, 0.5)], [at(8.0, 0.75), at(3.0, 0.25)]);
+    let between = |i: u32, j: u32| {
+        let (distance, second) = (1.0, 2.0);
+        let found = Correspondence {
+            a: i,
+            b: j,
+            distance,
+            second,
+        };
+        Candidate::new(&a, &b, &found)
+    };
+    let found = between(0, 0);
+    assert_eq!((found.turn, found.growth), (Some(0.25), Some(2.0)));
+    assert_eq!(found.ambiguity, 0.5);
+    // Without a size nothing is known of the growth, but of the turn.
+    let found = between(1, 1);
+    assert_eq!((found.turn, found.growth), (Some(-0.25), None));
+}
+
+/// Step 2, with R = 30 in a and 50 in b, and lambda = 2.
+#[test]
+fn members_are_near_in_both_images_and_change_as_the_seed_does() {
+    let adalam = Adalam::new(AdalamParams::default()).unwrap();
+    let candidate = |a: f64, b: f64, turn_deg: f64, growth: f64| Candidate {
+        a: Point2::new(200.0 + a, 100.0),
+        b: Point2::new(300.0, 200.0 - b),
+        ambiguity: 0.5,
+        turn: Some(turn_deg.to_radians()),
+        growth: Some(growth),
+    };
+    let candidates = [
+        candidate(0.0, 0.0, 10.0, 1.2),
+        candidate(59.0, 99.0, 10.0, 1.2),
+        candidate(61.0, 0.0, 10.0, 1.2),
+        candidate(0.0, 101.0, 10.0, 1.2),
+        candidate(0.0, 0.0, 39.0, 1.2),
+        candidate(0.0, 0.0, 41.0, 1.2),
+        candidate(0.0, 0.0, -19.0, 1.79),
+        candidate(0.0, 0.0, 10.0, 1.81),
+        candidate(0.0, 0.0, 10.0, 0.79),
+    ];
+    assert_eq!(adalam.members(&candidates, 0, [60.0, 100.0]), [0, 1, 4, 6]);
+}
+
+/// A circle of this radius covers a hundredth of the image: pi r^2 = 100 * 314 / 100.
+#[test]
+fn the_radius_is_that_of_a_share_of_the_area() {
+    let found = radius(Size::new(100, 314), 100.0);
+    assert!((found - 10.0).abs() < 0.01, "{found}");
+}
+
+/// Of each match only its feature of a counts as nearest to its feature of b, not the other way round.
+#[test]
+fn a_match_whose_feature_of_b_has_a_nearer_one_in_a_is_no_seed() {
+    let features = |values: &[f32]| {
+        Features::of_descriptors(Descriptors::Float(crate::features::FloatRows::from_vec(
+            1,
+            values.to_vec(),
+        )))
+    };
+    // Both of a are nearest to the first of b, which is nearest to the second of a.
+    let (a, b) = (features(&[1.0, 2.0]), features(&[2.25, 9.0]));
+    let [a, b] = [&a, &b].map(|features| View {
+        features,
+        image: None,
+        camera: None,
+    });
+    let found = |a, distance| Correspondence {
+        a,
+        b: 0,
+        distance,
+        second: 7.0,
+    };
+    let adalam = Adalam::new(AdalamParams::default()).unwrap();
+    let matches = [found(0, 1.25), found(1, 0.25)];
+    assert_eq!(adalam.mutual(a, b, &matches), [false, true]);
+    // What fails the ratio test is none either.
+    let unclear = [found(0, 1.25), found(1, 6.0)];
+    assert_eq!(adalam.mutual(a, b, &unclear), [false, false]);
+}
+
+/// Ten matches about a seed. The first two determine the identity. Of N = 8 others each comes within r of it, so
+/// 8 r^2 are expected by chance, and 8 - 8 r^2 must be at least 6: r^2 at most 1/4.
+#[test]
+fn inliers_must_exceed_what_chance_brings() {
+    let kept = |squared: f64, samples: u32| {
+        let mut ends = vec![(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0)];
+        ends.extend((1..9).map(|i| (0.1 * f64::from(i), 0.3, squared.sqrt())));
+        let candidates: Vec<Candidate> = (ends.into_iter())
+            .map(|(x, y, off)| Candidate {
+                a: Point2::new(x, y),
+                b: Point2::new(x, y - off),
+                ambiguity: 0.5,
+                turn: None,
+                growth: None,
+            })
+            .collect();
+        let members: Vec<usize> = (0..candidates.len()).collect();
+        let around = Neighbourhood::new(&candidates, 0, &members, [1.0; 2]).unwrap();
+        let params = AdalamParams {
+            confidence: 1.5,
+            samples,
+            refit: false,
+            ..AdalamParams::default()
+        };
+        around.inliers(&params).len()
+    };
+    // Pairs are drawn as (0, 1), (0, 2), (1, 2), of which those with the seed determine nothing.
+    assert_eq!((kept(0.24, 3), kept(0.26, 3)), (11, 0));
+    assert_eq!(kept(0.24, 2), 0);
+}
+
+#[test]
+fn a_moderate_map_changes_no_length_by_more_than_the_factor() {
+    let turned = |angle: f64, x: f64, y: f64| {
+        let (sin, cos) = libm::sincos(angle);
+        let turn = nalgebra::Matrix2::new(cos, -sin, sin, cos);
+        turn * nalgebra::Matrix2::new(x, 0.0, 0.0, y) * turn
+    };
+    for (x, y, expected) in [
+        (1.0, 1.0, true),
+        (3.9, 0.26, true),
+        (4.1, 1.0, false),
+        (1.0, 4.1, false),
+        (1.0, 0.24, false),
+        (0.24, 1.0, false),
+        (4.1, 0.24, false),
+        (3.9, 3.9, true),
+        (4.1, 4.1, false),
+        (0.26, 0.26, true),
+        (0.24, 0.24, false),
+        (-3.9, 0.26, true),
+        (0.0, 0.0, false),
+    ] {
+        for angle in [0.0, 0.4, 2.0] {
+            let map = turned(angle, x, y);
+            assert_eq!(neighbourhood::is_moderate(&map, 4.0), expected, "{x} {y}");
+        }
+    }
+}
