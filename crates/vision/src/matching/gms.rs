@@ -359,4 +359,128 @@ mod tests {
             .is_err()
         );
     }
+
+    /// The middle of this quarter of a cell, in pixels: cells are 32 x 24 of them, and quarters are counted from 0 to 3.
+    fn in_cell((column, row): (u8, u8), (right, down): (u8, u8)) -> Point2<f32> {
+        let along = |cell: u8, quarter: u8| f32::from(cell) + (f32::from(quarter) + 0.5) / 4.0;
+        Point2::new(32.0 * along(column, right), 24.0 * along(row, down))
+    }
+
+    /// How many of these matches stay.
+    fn staying(params: GmsParams, ends: &[(Point2<f32>, Point2<f32>)]) -> usize {
+        let (a, b): (Vec<_>, Vec<_>) = ends.iter().copied().unzip();
+        kept(params, &a, &b, ends.len()).0
+    }
+
+    /// The mean of n matches over nine cells is n / 9, so a cell on its own needs n >= 6 sqrt(n / 9), which is 4. In a corner
+    /// only four of the cells are there: n >= 6 sqrt(n / 4), which is 9.
+    #[test]
+    fn a_cell_on_its_own_needs_four_matches_and_one_in_a_corner_nine() {
+        let alone = |count, a, b| {
+            let ends = (in_cell(a, (0, 0)), in_cell(b, (0, 0)));
+            staying(GmsParams::default(), &vec![ends; count])
+        };
+        let (middle, corner) = ((10, 11), (0, 0));
+        assert_eq!([3, 4].map(|n| alone(n, middle, (5, 7))), [0, 4]);
+        assert_eq!([8, 9].map(|n| alone(n, corner, (5, 7))), [0, 9]);
+        assert_eq!([8, 9].map(|n| alone(n, middle, (19, 19))), [0, 9]);
+    }
+
+    /// Four matches on either side of a border are two for each cell, which is too few, until the grid is moved.
+    #[test]
+    fn matches_about_the_border_of_a_cell_are_found_by_a_moved_grid() {
+        let b = in_cell((5, 7), (0, 0));
+        let across = [in_cell((10, 11), (3, 0)), in_cell((11, 11), (0, 0))];
+        let down = [in_cell((10, 11), (0, 3)), in_cell((10, 12), (0, 0))];
+        for [first, second] in [across, down] {
+            let ends = [(first, b), (second, b), (first, b), (second, b)];
+            assert_eq!(staying(GmsParams::default(), &ends), 4);
+            assert_eq!(staying(GmsParams::default(), &ends[..3]), 0);
+        }
+        let corner = [
+            in_cell((10, 11), (3, 3)),
+            in_cell((11, 11), (0, 3)),
+            in_cell((10, 12), (3, 0)),
+            in_cell((11, 12), (0, 0)),
+        ];
+        assert_eq!(staying(GmsParams::default(), &corner.map(|a| (a, b))), 4);
+    }
+
+    /// From one cell of a to two of b, which are one where b has half as many.
+    #[test]
+    fn larger_cells_of_b_are_tried_where_that_is_asked() {
+        let a = in_cell((10, 11), (0, 0));
+        let ends = [4, 5, 4, 5].map(|column| (a, in_cell((column, 7), (0, 0))));
+        let with = |scales| GmsParams {
+            scales,
+            ..GmsParams::default()
+        };
+        assert_eq!(
+            (staying(with(false), &ends), staying(with(true), &ends)),
+            (0, 4)
+        );
+    }
+
+    /// A neighbour on the right in a is on the right in b, and below it after a quarter turn.
+    #[test]
+    fn neighbours_support_a_cell_from_the_same_side() {
+        let two_pairs = |beside: (u8, u8)| {
+            let cells = [((10, 11), (5, 7)), ((11, 11), beside)];
+            let ends = cells.map(|(a, b)| (in_cell(a, (0, 0)), in_cell(b, (0, 0))));
+            [ends[0], ends[1], ends[0], ends[1]]
+        };
+        let with = |rotations| GmsParams {
+            rotations,
+            ..GmsParams::default()
+        };
+        for (beside, upright) in [((6, 7), 4), ((5, 8), 0), ((4, 7), 0), ((7, 7), 0)] {
+            assert_eq!(
+                staying(with(false), &two_pairs(beside)),
+                upright,
+                "{beside:?}"
+            );
+        }
+        assert_eq!(staying(with(true), &two_pairs((5, 8))), 4);
+        assert_eq!(staying(with(true), &two_pairs((7, 7))), 0);
+    }
+
+    #[test]
+    fn a_selector_keeps_the_matches_of_the_mask() {
+        use crate::features::{Descriptors, Features, FloatRows, Keypoint};
+
+        let features = |places: [Point2<f32>; 5]| {
+            let keypoint = |at| Keypoint {
+                at,
+                size: 4.0,
+                angle: None,
+                response: 1.0,
+                octave: 0,
+            };
+            let rows = FloatRows::from_vec(1, vec![0.0; 5]);
+            Features::new(
+                SIZE,
+                places.map(keypoint).to_vec(),
+                Descriptors::Float(rows),
+            )
+        };
+        let (near, far) = (in_cell((10, 11), (0, 0)), in_cell((2, 3), (0, 0)));
+        let a = features([near, near, far, near, near]);
+        let b = features([in_cell((5, 7), (0, 0)); 5]);
+        let found = |(a, b)| super::super::Correspondence {
+            a,
+            b,
+            distance: 0.0,
+            second: 1.0,
+        };
+        let mut matches = [(0, 4), (1, 3), (2, 2), (3, 1), (4, 0)].map(found).to_vec();
+        let [a, b] = [&a, &b].map(|features| View {
+            features,
+            image: None,
+            camera: None,
+        });
+        let gms = Gms::new(GmsParams::default()).unwrap();
+        gms.select(a, b, &mut matches, Seed(0));
+        let kept: Vec<(u32, u32)> = matches.iter().map(|m| (m.a, m.b)).collect();
+        assert_eq!(kept, [(0, 4), (1, 3), (3, 1), (4, 0)]);
+    }
 }
