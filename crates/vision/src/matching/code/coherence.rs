@@ -195,3 +195,96 @@ fn shuffle_first(values: &mut Vec<usize>, count: usize, rng: &mut Rng) {
     }
     values.truncate(count);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{Descriptors, FloatRows, Keypoint};
+    use crate::image::Size;
+
+    const DEFAULT: CodeParams = CodeParams {
+        seed_ratio: 0.6,
+        seeds: 100,
+        centres: 100,
+        ridge: 1.0,
+        huber: 0.1,
+        likelihoods: [0.6, 0.7],
+        squared_transfer: 0.01,
+        max_aspect: 5.0,
+        displacement_scale: 3.0,
+    };
+
+    #[test]
+    fn a_point_is_a_place_a_displacement_and_a_map_without_its_scale() {
+        let (from, to) = (Point2::new(0.5, -1.0), Point2::new(1.5, -3.0));
+        let of = |a, b| point((a, b), from, to, &DEFAULT);
+        // Of twice the size, and turned by 90 degrees.
+        let found = of([2.0, 0.0, 0.0, 2.0], [0.0, -4.0, 4.0, 0.0]).unwrap();
+        assert_eq!(found, [0.5, -1.0, 3.0, -6.0, 0.0, -1.0, 1.0, 0.0]);
+        // The map takes the frame of a to that of b: across, 4 instead of 1, that is 2 and 1/2 without the scale of 2.
+        let found = of([0.5, 0.0, 0.0, 2.0], [2.0, 0.0, 0.0, 2.0]).unwrap();
+        assert_eq!(found[4..], [2.0, 0.0, 0.0, 0.5]);
+    }
+
+    #[test]
+    fn maps_that_stretch_too_much_and_broken_ones_are_no_points() {
+        let at = Point2::new(0.5, -1.0);
+        let is_point = |b: [f32; 4], to: Point2<f64>| {
+            point(([3.0, 0.0, 0.0, 3.0], b), at, to, &DEFAULT).is_some()
+        };
+        assert!(is_point([9.8, 0.0, 0.0, 2.0], at) && is_point([0.0, 2.0, -9.8, 0.0], at));
+        assert!(!is_point([10.2, 0.0, 0.0, 2.0], at) && !is_point([0.0, 2.0, -10.2, 0.0], at));
+        assert!(!is_point([3.0, 0.0, 0.0, 3.0], Point2::new(f64::NAN, 0.0)));
+        assert!(!is_point(
+            [3.0, 0.0, 0.0, 3.0],
+            Point2::new(0.0, f64::INFINITY)
+        ));
+        assert!(point(([0.0; 4], [1.0, 0.0, 0.0, 1.0]), at, at, &DEFAULT).is_none());
+    }
+
+    #[test]
+    fn places_have_no_mean_and_a_mean_distance_of_the_root_of_two() {
+        let places = [(10.0, 20.0), (16.0, 20.0), (10.0, 28.0), (16.0, 28.0)];
+        let keypoint = |(x, y)| Keypoint {
+            at: Point2::new(x, y),
+            size: 4.0,
+            angle: None,
+            response: 1.0,
+            octave: 0,
+        };
+        let mut keypoints = places.map(keypoint).to_vec();
+        // A place that is nowhere counts for nothing.
+        keypoints.push(keypoint((f32::NAN, 0.0)));
+        let descriptors = Descriptors::Float(FloatRows::from_vec(1, vec![0.0; 5]));
+        let features = Features::new(Size::new(40, 40), keypoints, descriptors);
+        let matches: Vec<Correspondence> = (0..5)
+            .map(|a| Correspondence {
+                a,
+                b: 0,
+                distance: 0.0,
+                second: 1.0,
+            })
+            .collect();
+        // Each is 3 and 4, so 5 away from the middle at (13, 24).
+        let unit = std::f64::consts::SQRT_2 / 5.0;
+        let found = normalised(&features, &matches, |m| m.a);
+        for (found, (x, y)) in found.iter().zip([(-3, -4), (3, -4), (-3, 4), (3, 4)]) {
+            let expected = Point2::new(f64::from(x), f64::from(y)) * unit;
+            assert!((found - expected).norm() < 1e-12, "{found}");
+        }
+    }
+
+    #[test]
+    fn as_many_as_are_asked_for_are_drawn_and_none_twice() {
+        let rng = &mut crate::seed::Seed(3).rng();
+        let mut values: Vec<usize> = (0..50).collect();
+        shuffle_first(&mut values, 20, rng);
+        assert_eq!(values.len(), 20);
+        assert!(values.iter().any(|&value| value >= 20));
+        let mut sorted = values.clone();
+        sorted.sort_unstable();
+        assert_ne!(sorted, values, "in random order");
+        sorted.dedup();
+        assert_eq!(sorted.len(), 20);
+    }
+}

@@ -108,9 +108,27 @@ mod tests {
         assert!((found[0][0] - 2.0).abs() < 1e-2, "{found:?}");
     }
 
+    /// Beyond Huber's limit the data pull with a force of 0.1, whatever the target is, against a ridge of 2 w.
+    #[test]
+    fn a_target_out_of_reach_pulls_with_the_force_of_the_limit() {
+        let of = |target: f64, huber: f64| {
+            let penalty = DMatrix::identity(1, 1) * 2.0;
+            fit(&[vec![(0, 1.0)]], &[[target]], &penalty, huber).unwrap()[0][0]
+        };
+        for target in [1.0, 10.0] {
+            assert!((of(target, 0.1) - 0.05).abs() < 1e-3, "{target}");
+        }
+        // Within it they are squares: w = target / (1 + ridge).
+        assert!((of(1.0, 5.0) - 1.0 / 3.0).abs() < 1e-12);
+    }
+
     #[test]
     fn far_points_are_no_neighbours() {
         let centres = [[0.0; 8], [1.0; 8], [f64::NAN; 8]];
         assert_eq!(kernels(&[0.0; 8], &centres), [(0, 1.0)]);
+        // exp(-0.5) is there, and exp(-2.4), below a tenth, is not.
+        let at = |x: f64| [x, x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let found = kernels(&at(0.0), &[at(0.5), at(1.2_f64.sqrt())]);
+        assert_eq!(found, [(0, libm::exp(-0.5))]);
     }
 }
