@@ -150,3 +150,81 @@ fn the_matches_of_a_matcher_stay_the_same_but_lie_at_better_places() {
     let without = refined.place(view(&features_a), view(&features_b), &[]);
     assert!(without.unwrap_err().0.contains("pixels"));
 }
+
+/// Each pixel of a piece is the sum of the pixels about it, weighted by a Gaussian of 0.6 samples that is cut at 2.5
+/// deviations, where the image is mirrored about its outermost pixels.
+#[test]
+fn a_piece_is_smoothed_for_the_distance_of_its_samples() {
+    let image = first().0;
+    let mirrored = |at: isize, length: usize| {
+        let last = length as isize - 1;
+        (last - (last - at.abs()).abs()) as usize
+    };
+    for (at, apart) in [
+        (Point2::new(58.3, 51.8), 1.0),
+        (Point2::new(5.2, 103.9), 1.0),
+        (Point2::new(114.1, 6.0), 2.5),
+    ] {
+        let reach = 9.0;
+        let piece = window::Piece::about(&image, at, reach, apart).expect("it is in the image");
+        let sigma = 0.6 * apart;
+        let radius = (2.5 * sigma).ceil() as isize;
+        let weight = |offset: isize| libm::exp(-((offset * offset) as f64) / (2.0 * sigma * sigma));
+        let sum: f64 = (-radius..=radius).map(weight).sum();
+        let mut compared = 0;
+        for y in 0..SIZE.height {
+            for x in 0..SIZE.width {
+                let place = Point2::new(x as f64, y as f64);
+                if (place - at).abs().max() > reach {
+                    continue;
+                }
+                let mut expected = 0.0;
+                for down in -radius..=radius {
+                    for right in -radius..=radius {
+                        let column = mirrored(x as isize + right, SIZE.width);
+                        let row = mirrored(y as isize + down, SIZE.height);
+                        expected += weight(down) * weight(right) / (sum * sum)
+                            * f64::from(image.at(column, row));
+                    }
+                }
+                let [column, row] = piece.inside(place);
+                let found = piece.pixels[row as usize * piece.stride + column as usize];
+                assert!(
+                    (f64::from(found) - expected).abs() < 0.01,
+                    "{place} about {at}"
+                );
+                compared += 1;
+            }
+        }
+        assert!(compared > 150, "{compared}");
+    }
+}
+
+#[test]
+fn a_piece_has_what_lies_between_its_pixels_and_those_are_of_the_image() {
+    let image = first().0;
+    let has = |at: (f64, f64), place: (f64, f64)| {
+        let piece = window::Piece::about(&image, Point2::new(at.0, at.1), 9.0, 1.0);
+        let piece = piece.expect("it is in the image");
+        piece.has(piece.inside(Point2::new(place.0, place.1)))
+    };
+    // From 49 to 68 and from 42 to 61: nine to either side, and the pixel after.
+    let middle = (58.5, 51.5);
+    assert!(has(middle, (49.0, 42.0)) && has(middle, (67.9, 60.9)));
+    for outside in [(48.9, 50.0), (68.1, 50.0), (58.0, 41.9), (58.0, 61.1)] {
+        assert!(!has(middle, outside), "{outside:?}");
+    }
+    // The image of 120 x 110 pixels ends at 119 and 109.
+    for (at, inside, outside) in [
+        ((4.0, 50.0), (0.0, 50.0), (-0.1, 50.0)),
+        ((115.0, 50.0), (118.9, 50.0), (119.1, 50.0)),
+        ((50.0, 4.0), (50.0, 0.0), (50.0, -0.1)),
+        ((50.0, 105.0), (50.0, 108.9), (50.0, 109.1)),
+    ] {
+        assert!(has(at, inside) && !has(at, outside), "{at:?}");
+    }
+    for nowhere in [(-20.0, 50.0), (50.0, 130.0), (f64::NAN, 50.0)] {
+        let at = Point2::new(nowhere.0, nowhere.1);
+        assert!(window::Piece::about(&image, at, 9.0, 1.0).is_none(), "{at}");
+    }
+}
