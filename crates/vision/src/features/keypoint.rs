@@ -329,6 +329,108 @@ mod tests {
         }
     }
 
+    fn keypoint(angle: Option<f32>, size: f32) -> Keypoint {
+        Keypoint {
+            size,
+            ..features(Size::new(40, 40), &[angle]).keypoints[0]
+        }
+    }
+
+    #[test]
+    fn a_turn_leads_from_one_to_the_other_the_positive_way_round() {
+        use std::f32::consts::TAU;
+        for (from, to, expected) in [
+            (0.5, 2.0, 1.5),
+            (2.0, 0.5, TAU - 1.5),
+            (6.0, 0.25, TAU - 5.75),
+            // Angles from outside may be any.
+            (0.0, 20.0, 20.0 - 3.0 * TAU),
+            (0.5, -10.0, 2.0 * TAU - 10.5),
+        ] {
+            let turn = keypoint(Some(from), 4.0).turn_to(&keypoint(Some(to), 4.0));
+            let found = turn.expect("both have one");
+            assert!((found - expected).abs() < 1e-5, "{from} to {to}: {found}");
+        }
+        let (with, without) = (keypoint(Some(0.5), 4.0), keypoint(None, 4.0));
+        assert_eq!([with.turn_to(&without), without.turn_to(&with)], [None; 2]);
+    }
+
+    #[test]
+    fn a_growth_is_the_logarithm_of_the_size_there_over_that_here() {
+        let growth = |from, to| keypoint(None, from).growth_to(&keypoint(None, to));
+        assert!((growth(3.0, 12.0) - 4.0_f32.ln()).abs() < 1e-6);
+        assert!((growth(12.0, 3.0) + 4.0_f32.ln()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn angles_lead_from_x_to_y_and_are_below_a_full_circle() {
+        use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+        for (x, y, expected) in [
+            (1.0, 0.0, 0.0),
+            (2.0, 2.0, FRAC_PI_4),
+            (0.0, 3.0, FRAC_PI_2),
+            (-1.0, 1.0, 3.0 * FRAC_PI_4),
+            (-1.0, -1.0, PI + FRAC_PI_4),
+            (0.0, -1.0, PI + FRAC_PI_2),
+        ] {
+            assert!((angle_of(x, y) - expected).abs() < 1e-6, "({x}, {y})");
+        }
+        assert!((6.2..TAU).contains(&angle_of(1.0, -1e-30)));
+    }
+
+    #[test]
+    fn only_what_lies_on_a_pixel_and_has_a_size_can_be_described() {
+        let image = Size::new(40, 30);
+        let fine = |x: f32, y: f32, size: f32, angle: Option<f32>| {
+            let at = Point2::new(x, y);
+            Keypoint {
+                at,
+                ..keypoint(angle, size)
+            }
+            .is_describable_in(image)
+        };
+        for (x, y) in [(-0.5, -0.5), (39.4, 29.4), (35.0, 0.0)] {
+            assert!(fine(x, y, 4.0, None) && fine(x, y, 1e-12, Some(-9.0)));
+        }
+        for (x, y) in [
+            (-0.6, 5.0),
+            (5.0, -0.6),
+            (39.5, 5.0),
+            (5.0, 29.5),
+            (5.0, 35.0),
+        ] {
+            assert!(!fine(x, y, 4.0, None), "({x}, {y})");
+        }
+        assert!(!fine(f32::NAN, 5.0, 4.0, None) && !fine(5.0, f32::NAN, 4.0, None));
+        for size in [0.0, -4.0, 1e-13, f32::NAN, f32::INFINITY] {
+            assert!(!fine(5.0, 5.0, size, None), "{size}");
+        }
+        assert!(!fine(5.0, 5.0, 4.0, Some(f32::NAN)) && !fine(5.0, 5.0, 4.0, Some(f32::INFINITY)));
+    }
+
+    #[test]
+    fn the_stretch_of_an_image_is_read_from_a_frame_along_its_axes() {
+        let with = |frame: [f32; 4]| {
+            let mut seen = features(Size::new(40, 40), &[None, None]);
+            seen.frames = Some(vec![frame, [9.0, 0.0, 0.0, 1.0]]);
+            seen.stretch()
+        };
+        // A circle turned by the angle of 3, 4, 5 and then stretched twice across, or three times down.
+        assert_eq!(with([6.0, -8.0, 4.0, 3.0]), [10.0, 5.0]);
+        assert_eq!(with([3.0, -4.0, 12.0, 9.0]), [5.0, 15.0]);
+        // Stretched along a diagonal, and without an extent: no resampling does that.
+        for frame in [
+            [2.0, 1.0, 1.0, 2.0],
+            [2.0, -1.0, -1.0, 2.0],
+            [0.0, 0.0, 0.0, 2.0],
+            [2.0, 0.0, 0.0, 0.0],
+        ] {
+            assert_eq!(with(frame), [1.0; 2], "{frame:?}");
+        }
+        assert_eq!(features(Size::new(40, 40), &[]).stretch(), [1.0; 2]);
+        assert_eq!(features(Size::new(40, 40), &[None]).stretch(), [4.0; 2]);
+    }
+
     #[test]
     fn rounding_the_sides_stretches_nothing() {
         let angles = [Some(0.7), None];
