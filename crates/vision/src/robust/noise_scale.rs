@@ -173,6 +173,9 @@ mod tests {
         assert!((noise_scale(broken.into_iter()) - PRIOR_PX).abs() < 1e-12);
         let five = noise_scale(distances(5, 2.0, 0).into_iter());
         assert!((0.4..1.0).contains(&five), "{five}");
+        // Sixty exact ones beside the twenty of the prior: sigma^2 = 20 * 0.25 / 80.
+        let exact = noise_scale(std::iter::repeat_n(0.0, 60));
+        assert!((exact - 0.25).abs() < 0.005, "{exact}");
     }
 
     #[test]

@@ -492,6 +492,29 @@ mod tests {
         shuffled.ambiguity()[place.expect("it is one of them")]
     }
 
+    /// A keypoint that is as large in the images of both cameras is half as large at depth 1 where the focal length is
+    /// twice as long.
+    #[test]
+    fn growths_at_depth_1_are_those_of_the_images_less_that_of_the_focal_length() {
+        let points: Vec<_> = (0..3).map(|i| Point2::new(f64::from(i), 0.0)).collect();
+        let growths = vec![0.0, 2.0_f32.ln(), -1.0];
+        let matches = MatchedPoints::new(points.clone(), points, vec![0.5; 3]);
+        let matches = matches.with_growths(Some(growths.clone()));
+        let score = Score::EvenMsac {
+            threshold_px: 1.0,
+            cells: 10,
+            turns: true,
+            sprt: false,
+        };
+        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, score, Seed(0));
+        let changes = shuffled.changes_at_depth_1(2.0).expect("growths are known");
+        let found = changes.growths.expect("growths are known");
+        for (found, &index) in found.iter().zip(&shuffled.order) {
+            let expected = growths[index as usize] - 2.0_f32.ln();
+            assert!((found - expected).abs() < 1e-6, "{index}: {found}");
+        }
+    }
+
     #[test]
     fn less_trust_never_makes_a_match_come_earlier() {
         // One of 20 is farther than 45 degrees from the others, where three of four turns are: 1 / 0.75 over 19 / 0.25.
