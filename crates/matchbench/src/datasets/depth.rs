@@ -248,6 +248,39 @@ mod tests {
         assert!((depth.coverage() - 7.0 / 9.0).abs() < 1e-12);
     }
 
+    /// Where one of the four about a place is of another surface, the nearest of them counts.
+    #[test]
+    fn no_corner_of_another_surface_is_interpolated() {
+        for far in 0..4 {
+            for other in [1060, 943] {
+                let mut values = [1000; 4];
+                values[far] = other;
+                let found = depth(2, &values, Size::new(2, 2), Turn::None);
+                for (nearest, (x, y)) in [(0.45, 0.45), (0.55, 0.45), (0.45, 0.55), (0.55, 0.55)]
+                    .into_iter()
+                    .enumerate()
+                {
+                    let expected = f64::from(values[nearest]) / 1000.0;
+                    assert_eq!(found.at(Point2::new(x, y)), Some(expected), "{far} {x} {y}");
+                }
+                // Within a twentieth they are one surface: in the middle there is their mean.
+                values[far] = 1040;
+                let found = depth(2, &values, Size::new(2, 2), Turn::None);
+                let middle = found.at(Point2::new(0.5, 0.5)).unwrap();
+                assert!((middle - 1.01).abs() < 1e-12, "{middle}");
+            }
+        }
+    }
+
+    #[test]
+    fn coverage_is_that_of_all_pixels_of_an_image_of_any_shape() {
+        for width in [1, 2, 4] {
+            let size = Size::new(width, 4 / width);
+            let found = depth(width, &[7, 0, 65535, 9], size, Turn::None);
+            assert_eq!(found.coverage(), 0.5, "{size}");
+        }
+    }
+
     #[test]
     fn a_smaller_depth_is_scaled_about_the_corners_of_pixels() {
         let depth = depth(2, &[1000, 1040], Size::new(4, 2), Turn::None);
@@ -258,6 +291,8 @@ mod tests {
         let other = StoredDepth::Integers(Image::from_vec(Size::new(2, 1), vec![1, 2]));
         let skewed = Depth::new(other, UNIT, Size::new(4, 4), Turn::None).unwrap_err();
         assert!(skewed.contains("2x1") && skewed.contains("4x4"), "{skewed}");
+        let high = StoredDepth::Integers(Image::from_vec(Size::new(1, 2), vec![1, 2]));
+        assert!(Depth::new(high, UNIT, Size::new(4, 4), Turn::None).is_err());
     }
 
     #[test]
@@ -276,6 +311,13 @@ mod tests {
         for nothing in [0.0, -1.0, 0.0004, 65.535, 70.0, f32::INFINITY, f32::NAN] {
             assert_eq!(stored(nothing), 0, "{nothing}");
         }
+        // Where all values are depths, those from 1 to 65535 are.
+        let all = DepthUnit {
+            invalid: None,
+            ..UNIT
+        };
+        let ends = [0.0004, 0.001, 65.535, 65.536].map(|depth| stored_value(depth, all));
+        assert_eq!(ends, [0, 1, 65535, 0]);
         for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let unit = DepthUnit {
                 per_unit: wrong,

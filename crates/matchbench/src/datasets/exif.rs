@@ -98,6 +98,10 @@ mod tests {
         assert_eq!(orientation(little), Some(6));
         assert_eq!(orientation(big), Some(8));
         assert_eq!(orientation(&little[..20]), None);
+        // The tag is the second of two, each of twelve bytes.
+        let mut second = b"II*\0\x08\0\0\0\x02\0\x0f\x01\x02\0\x01\0\0\0\x05\0\0\0".to_vec();
+        second.extend(b"\x12\x01\x03\0\x01\0\0\0\x03\0\0\0");
+        assert_eq!(orientation(&second), Some(3));
         assert_eq!(orientation(b""), None);
     }
 

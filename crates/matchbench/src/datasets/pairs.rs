@@ -541,6 +541,14 @@ mod tests {
         assert_eq!(pairs(0.2, 1.0), [(0, 1), (0, 4), (1, 2), (1, 4)]);
         assert_eq!(pairs(0.3, 0.7), [(0, 1)]);
         assert_eq!(pairs(0.75, 0.75), [(0, 4)]);
+        // Two of two points here are two of five there, whichever is the first.
+        for seen in [
+            [vec![1, 2], vec![1, 2, 3, 4, 5]],
+            [vec![1, 2, 3, 4, 5], vec![1, 2]],
+        ] {
+            assert_eq!(covisible(&seen, 0.4, 0.4).unwrap(), [(0, 1)]);
+            assert_eq!(covisible(&seen, 0.9, 1.0).unwrap(), []);
+        }
         assert_eq!(covisible(&[], 0.1, 1.0).unwrap(), []);
     }
 

@@ -175,7 +175,28 @@ mod tests {
         assert_eq!(x(2.0), None);
         assert_eq!(x(3.7), None);
         assert_eq!(x(f64::NAN), None);
+        // Between 1 and 3, both within the tolerance.
+        let wide = Association {
+            tolerance: 1.6,
+            interpolate: false,
+        };
+        let of = |time| {
+            wide.pose_at(&trajectory(), time)
+                .map(|pose| pose.translation.x)
+        };
+        assert_eq!([of(1.9), of(2.1)], [Some(1.0), Some(3.0)]);
         assert_eq!(Association::default().pose_at(&[], 1.0), None);
+    }
+
+    /// 0.02 s as in TUM's own tool, and the nearest, as the authors took it.
+    #[test]
+    fn an_image_takes_the_nearest_pose_within_two_hundredths_unless_told_otherwise() {
+        let x = |time: f64| {
+            let pose = Association::default().pose_at(&trajectory(), time);
+            pose.map(|pose| pose.translation.x)
+        };
+        assert_eq!([x(1.019), x(0.981)], [Some(1.0); 2]);
+        assert_eq!([x(1.021), x(0.979)], [None; 2]);
     }
 
     #[test]

@@ -248,6 +248,36 @@ mod tests {
         assert!(error.ends_with("use one of cam0, cam1"), "{error}");
     }
 
+    /// The coefficients stand in the order of the file: k1 k2 p1 p2, or k1 k2 k3 k4 of a fisheye.
+    #[test]
+    fn either_lens_has_its_coefficients_in_the_order_of_the_file() {
+        let lens = |model: &str| {
+            let text = format!(
+                "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n\
+                 intrinsics: [458, 457, 367, 248]\ndistortion_model: {model}\n\
+                 distortion_coefficients: [-0.28, 0.07, 0.0002, 0.0001]\n"
+            );
+            let (camera, _) = sensor_of(&TextFile::new(Path::new("sensor.yaml"), &text)).unwrap();
+            let numbers = [camera.fx, camera.fy, camera.cx, camera.cy];
+            assert_eq!(numbers, [458.0, 457.0, 367.0, 248.0]);
+            camera.distortion
+        };
+        let (k1, k2) = (-0.28, 0.07);
+        let (p1, p2, k3) = (0.0002, 0.0001, 0.0);
+        let brown = Distortion { k1, k2, p1, p2, k3 };
+        assert_eq!(lens("radial-tangential"), Some(brown.into()));
+        let (k3, k4) = (p1, p2);
+        let fisheye = Fisheye { k1, k2, k3, k4 };
+        assert_eq!(lens("equidistant"), Some(fisheye.into()));
+    }
+
+    #[test]
+    fn times_are_nanoseconds() {
+        let found = seconds(" 1403636579763555584 ").unwrap();
+        assert!((found - 1_403_636_579.763_555_5).abs() < 1e-6, "{found}");
+        assert!(seconds("1.5").is_err());
+    }
+
     #[test]
     fn a_calibration_of_other_cameras_or_images_is_refused() {
         let sound = "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\ncamera_model: pinhole # as all\n\

@@ -223,3 +223,17 @@ pub(super) fn scaled(original: Camera, size: (f64, f64)) -> Camera {
         (original.cy + 0.5) * y - 0.5,
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half as wide and half as high: the corner of the image at -0.5 stays, so a centre of 647.5 is 648 / 2 from it.
+    #[test]
+    fn a_camera_is_scaled_about_the_corner_of_the_image() {
+        let original = Camera::pinhole(1170.0, 1160.0, 647.5, 483.5);
+        assert_eq!(scaled(original, COLOR), original);
+        let half = Camera::pinhole(585.0, 580.0, 323.5, 241.5);
+        assert_eq!(scaled(original, (648.0, 484.0)), half);
+    }
+}

@@ -115,6 +115,20 @@ mod tests {
         assert_eq!(pose.translation.vector.as_slice(), [1.0, 2.0, 3.0]);
     }
 
+    /// Each of the nine numbers is another one.
+    #[test]
+    fn every_number_of_the_rotation_stands_in_its_place() {
+        let turned = CAMERA.replace(
+            "0 0 1 \n1 0 0 \n0 1 0 ",
+            "0.36 0.48 -0.8\n-0.8 0.6 0\n0.48 0.64 0.6",
+        );
+        let (_, pose, _) = parse_text(&turned).unwrap();
+        let rows = nalgebra::Matrix3::new(0.36, 0.48, -0.8, -0.8, 0.6, 0.0, 0.48, 0.64, 0.6);
+        let found = pose.rotation.to_rotation_matrix();
+        assert!((found.matrix() - rows).amax() < 1e-12, "{found}");
+        assert_eq!(pose.translation.vector.as_slice(), [1.0, 2.0, 3.0]);
+    }
+
     #[test]
     fn other_files_are_refused() {
         assert!(parse_text("").unwrap_err().what.contains("0 numbers"));
