@@ -471,6 +471,13 @@ mod tests {
 
     use super::*;
 
+    const BY_TURNS: Score = Score::EvenMsac {
+        threshold_px: 1.0,
+        cells: 10,
+        turns: true,
+        sprt: false,
+    };
+
     /// Matches of which the last has another turn than the others, so that it is trusted less.
     fn ambiguity_of_last(ambiguity: f32) -> f32 {
         let point = |i: usize| Point2::new(i as f64, 0.0);
@@ -481,13 +488,7 @@ mod tests {
         turns[19] = 2.0;
         let matches = MatchedPoints::new(points.clone(), points, ambiguities);
         let matches = matches.with_turns(Some(turns));
-        let score = Score::EvenMsac {
-            threshold_px: 1.0,
-            cells: 10,
-            turns: true,
-            sprt: false,
-        };
-        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, score, Seed(0));
+        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, BY_TURNS, Seed(0));
         let place = shuffled.order.iter().position(|&i| i == 19);
         shuffled.ambiguity()[place.expect("it is one of them")]
     }
@@ -500,13 +501,7 @@ mod tests {
         let growths = vec![0.0, 2.0_f32.ln(), -1.0];
         let matches = MatchedPoints::new(points.clone(), points, vec![0.5; 3]);
         let matches = matches.with_growths(Some(growths.clone()));
-        let score = Score::EvenMsac {
-            threshold_px: 1.0,
-            cells: 10,
-            turns: true,
-            sprt: false,
-        };
-        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, score, Seed(0));
+        let shuffled = Shuffled::new(&matches.in_pixels(), &matches, BY_TURNS, Seed(0));
         let changes = shuffled.changes_at_depth_1(2.0).expect("growths are known");
         let found = changes.growths.expect("growths are known");
         for (found, &index) in found.iter().zip(&shuffled.order) {

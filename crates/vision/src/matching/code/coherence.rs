@@ -202,22 +202,10 @@ mod tests {
     use crate::features::{Descriptors, FloatRows, Keypoint};
     use crate::image::Size;
 
-    const DEFAULT: CodeParams = CodeParams {
-        seed_ratio: 0.6,
-        seeds: 100,
-        centres: 100,
-        ridge: 1.0,
-        huber: 0.1,
-        likelihoods: [0.6, 0.7],
-        squared_transfer: 0.01,
-        max_aspect: 5.0,
-        displacement_scale: 3.0,
-    };
-
     #[test]
     fn a_point_is_a_place_a_displacement_and_a_map_without_its_scale() {
         let (from, to) = (Point2::new(0.5, -1.0), Point2::new(1.5, -3.0));
-        let of = |a, b| point((a, b), from, to, &DEFAULT);
+        let of = |a, b| point((a, b), from, to, &CodeParams::default());
         // Of twice the size, and turned by 90 degrees.
         let found = of([2.0, 0.0, 0.0, 2.0], [0.0, -4.0, 4.0, 0.0]).unwrap();
         assert_eq!(found, [0.5, -1.0, 3.0, -6.0, 0.0, -1.0, 1.0, 0.0]);
@@ -230,7 +218,7 @@ mod tests {
     fn maps_that_stretch_too_much_and_broken_ones_are_no_points() {
         let at = Point2::new(0.5, -1.0);
         let is_point = |b: [f32; 4], to: Point2<f64>| {
-            point(([3.0, 0.0, 0.0, 3.0], b), at, to, &DEFAULT).is_some()
+            point(([3.0, 0.0, 0.0, 3.0], b), at, to, &CodeParams::default()).is_some()
         };
         assert!(is_point([9.8, 0.0, 0.0, 2.0], at) && is_point([0.0, 2.0, -9.8, 0.0], at));
         assert!(!is_point([10.2, 0.0, 0.0, 2.0], at) && !is_point([0.0, 2.0, -10.2, 0.0], at));
@@ -239,7 +227,15 @@ mod tests {
             [3.0, 0.0, 0.0, 3.0],
             Point2::new(0.0, f64::INFINITY)
         ));
-        assert!(point(([0.0; 4], [1.0, 0.0, 0.0, 1.0]), at, at, &DEFAULT).is_none());
+        assert!(
+            point(
+                ([0.0; 4], [1.0, 0.0, 0.0, 1.0]),
+                at,
+                at,
+                &CodeParams::default()
+            )
+            .is_none()
+        );
     }
 
     #[test]
