@@ -56,8 +56,9 @@ use crate::tables::ORB_PAIRS;
 /// Bytes for each pixel of the image, measured: scores and smaller images.
 const BYTES_PER_PIXEL: usize = 2;
 
-/// Pixels of the image for each feature of a wall of small patches, measured; 9 without a threshold.
-const PIXELS_PER_FEATURE: usize = 12;
+/// Pixels of the image for each of ORB's features on a wall of small patches, measured, where other extractors find one on
+/// [so many](super::PIXELS_PER_FEATURE); 9 without a threshold.
+const PIXELS_PER_CORNER: usize = 12;
 
 /// Number of bits of a descriptor.
 const BITS: usize = 256;
@@ -253,7 +254,7 @@ impl Extractor for Orb {
     }
 
     fn memory(&self, size: Size) -> usize {
-        let features = (self.params.features).min(size.area() / PIXELS_PER_FEATURE);
+        let features = (self.params.features).min(size.area() / PIXELS_PER_CORNER);
         memory_of_pixels(size, BYTES_PER_PIXEL) + memory_of_features(features, self.kind())
     }
 }

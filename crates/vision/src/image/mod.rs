@@ -23,6 +23,7 @@ pub(crate) use blur8::gaussian_blur_u8_inside;
 pub use integral::IntegralImage;
 pub use resize::resize;
 pub use rows::RowBuffer;
+pub(crate) use scale_space::columns_of_strips;
 pub use scale_space::{LayerVisitor, Octave, Reach, ScaleSpaceShape, Strip};
 pub(crate) use shrink::shrink;
 pub use shrink8::shrink_u8;

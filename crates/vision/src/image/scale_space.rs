@@ -36,10 +36,10 @@ const WIDER_STRIP: usize = 1536;
 /// The fastest choice with half a megabyte (Zen 3), where strips of fewer columns than [`STRIP`] gain nothing.
 const WIDEST_STRIP: usize = 2048;
 
-/// The [fastest strips](STRIP) with a second-level cache of so many bytes, if that is known.
-fn columns_of_strips(cache: Option<usize>) -> usize {
+/// Columns of a strip on this processor: the [fastest choice](STRIP) with its second-level cache.
+pub(crate) fn columns_of_strips() -> usize {
     const MEGABYTE: usize = 1 << 20;
-    match cache {
+    match second_level_cache() {
         Some(bytes) if bytes < MEGABYTE => WIDEST_STRIP,
         Some(bytes) if bytes >= 2 * MEGABYTE => WIDER_STRIP,
         _ => STRIP,
@@ -111,7 +111,7 @@ impl ScaleSpaceShape {
     /// # Panics
     /// If there are no `intervals`, or if blurs between layers are not between 0.001 and 10,000 pixels.
     pub fn visit(&self, image: &GrayImage, visitor: &mut impl LayerVisitor) {
-        self.visit_in_strips(image, columns_of_strips(second_level_cache()), visitor);
+        self.visit_in_strips(image, columns_of_strips(), visitor);
     }
 
     /// [`Self::visit`] in strips of so many columns.

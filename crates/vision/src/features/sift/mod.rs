@@ -49,7 +49,7 @@ use super::{
     Describer, DescriptorKind, Descriptors, Detector, Extractor, Features, FloatRows, Keypoint,
     PIXELS_PER_FEATURE, memory_of_features, memory_of_pixels,
 };
-use crate::image::{GrayImage, LayerVisitor, Octave, ScaleSpaceShape, Size};
+use crate::image::{GrayImage, LayerVisitor, Octave, ScaleSpaceShape, Size, columns_of_strips};
 use crate::params::ParamError;
 use extrema::Extremum;
 use passes::Detection;
@@ -60,9 +60,6 @@ pub(super) use places::BYTES_PER_PLACE;
 
 /// Bytes for each pixel of the image, measured: bases of two octaves, one of them doubled.
 const BYTES_PER_PIXEL: usize = 6;
-
-/// Columns of a strip of the scale space. With some caches there are 1024 or 2048.
-const STRIP: usize = 1536;
 
 /// Scales that an octave may have.
 const MAX_SCALES: usize = 16;
@@ -195,7 +192,7 @@ impl Sift {
         };
         let reach = Detection::new(self, true).reach(octave);
         let reach = reach.map_or(0, |reach| reach.described);
-        let columns = octave.size.width.min(STRIP + 2 * reach);
+        let columns = octave.size.width.min(columns_of_strips() + 2 * reach);
         let rows = octave.size.height.min(5 * reach / 2);
         size_of::<f32>() * columns * rows * (self.params.octave_layers + 2)
     }
