@@ -518,7 +518,7 @@ fn a_check_keeps_its_log_where_the_folder_of_temporary_files_is_a_link() {
         assert_eq!(times, 1, "{printed}{}", said(checked));
     };
     told_once(&check());
-    // The reason why it does not start names the log too.
+    // A program that does not start may have said why.
     fs::write(home.join("toy.sh"), "exit 1\n").expect("writable");
     told_once(&check());
 }
