@@ -7,15 +7,19 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 
 use doors::archives::{doubles, npz};
+use doors::cache;
 #[cfg(unix)]
 use doors::children;
 use doors::{CAMERA, Doors, PAIRS, intrinsics, names, offer, scannet_list};
 use hdf5_writer::{DatasetBuilder, Hdf5Builder, WriteOptions};
+use matchbench::cache::FeatureCache;
 use matchbench::records::store::RecordWriter;
 use matchbench::records::{
     ByDepth, Counts, MatchesFile, Outcome, RunRecord, SelectedMatches, StageTimes, Task,
 };
+use matchbench_vision::features::{BinaryRows, Descriptors, Features, FloatRows, Keypoint};
 use matchbench_vision::geometry::{MatchedPoints, RelativePose};
+use matchbench_vision::image::Size;
 use matchbench_vision::seed::{Rng, Seed};
 use nalgebra::{Isometry3, Point2, Vector3};
 
@@ -39,9 +43,9 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
             depth_png(),
             depth_hdf5(),
         ],
-        "records" => vec![records(doors)],
-        "matches" => vec![matches(doors)],
-        "plan" => text(&[PLAN]),
+        "records" | "matches" | "plan" | "tuned.json" | "cached features" | "cached keypoints" => {
+            own_files(doors, door)
+        }
         "results" => text(&[
             "0 1 50 1 0 0 -0.05 0 1 0 0 0 0 1 0\n1 2 30 0 -1 0 1 1 0 0 2 0 0 1 3\n",
             "0 2 0 1 0 0 0 0 1 0 0 0 0 1 0\r\n",
@@ -122,6 +126,18 @@ fn corpus(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
     }
 }
 
+/// Sound files for a door to what this program wrote.
+fn own_files(doors: &Doors, door: &str) -> Vec<Vec<u8>> {
+    match door {
+        "records" => vec![records(doors)],
+        "matches" => vec![matches(doors)],
+        "plan" => vec![PLAN.into()],
+        "tuned.json" => vec![TUNED.into()],
+        "cached features" => cached_features(doors),
+        _ => vec![cached_keypoints(doors)],
+    }
+}
+
 const IMAGE_PAIRS: [&str; 2] = [
     "0000.pgm 0001.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 0 1 0 0 0 1 1 2 3\n",
     "0001.pgm 0002.pgm 4 0 2 0 4 1.5 0 0 1 4 0 2 0 4 1.5 0 0 1 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n",
@@ -130,6 +146,8 @@ const PLAN: &str = r#"{"format":2,"version":"0.1.0","settings":{"seed":0,"repeti
     "datasets":[{"name":"room","path":"/room","frames":3,"pairs":3,"fingerprint":"00"}],
     "matchers":[{"id":"sift","params":{},"extraction":null,
     "estimators":[{"id":"ransac-e","params":{"threshold_px":1.0}}]}]}"#;
+const TUNED: &str = r#"{"setting":"sift.ratio=0.7","datasets":[{"name":"room","fingerprint":"00","images":["11"]}],
+    "matchers":["sift"],"auc":[[0.7,0.5],[0.8,0.25]]}"#;
 const POSES_KITTI: &str =
     "1 0 0 0 0 1 0 0 0 0 1 0\n0 -1 0 1 1 0 0 2 0 0 1 3\n1 0 0 5 0 1 0 0 0 0 1 0\n";
 
@@ -192,6 +210,45 @@ fn records(doors: &Doors) -> Vec<u8> {
         writer.append(&record).expect("writable");
     }
     fs::read(path).expect("readable")
+}
+
+fn keypoints() -> Vec<Keypoint> {
+    let keypoint = |x: u8| Keypoint {
+        at: Point2::new(f32::from(x), 0.5),
+        size: 3.5,
+        angle: (x == 1).then_some(1.25),
+        response: 0.1,
+        octave: -1,
+    };
+    vec![keypoint(0), keypoint(1)]
+}
+
+/// Features with descriptors of bytes, of other real values, and of bits.
+fn cached_features(doors: &Doors) -> Vec<Vec<u8>> {
+    let folder = doors.at("cache");
+    let floats = |data: &[f32]| Descriptors::Float(FloatRows::from_vec(2, data.to_vec()));
+    let bits = Descriptors::Binary(BinaryRows::from_vec(70, vec![5, 1, u64::MAX, 0]));
+    let kept = |features: Features| {
+        let cache = FeatureCache::new(&folder);
+        cache.save(cache::key(), &features).expect("writable");
+        cache::content(&cache::file(&folder, "features"))
+    };
+    let all = [
+        floats(&[0.0, 255.0, 17.0, 1.0]),
+        floats(&[0.5, -1.0, 0.0, 2.0]),
+        bits,
+    ];
+    let features = |descriptors| Features::new(Size::new(4, 3), keypoints(), descriptors);
+    let framed = features(all[0].clone()).with_frames(vec![[1.5, 0.0, 0.5, 4.0]; 2]);
+    let plain = all.into_iter().map(features);
+    plain.chain([framed]).map(kept).collect()
+}
+
+fn cached_keypoints(doors: &Doors) -> Vec<u8> {
+    let folder = doors.at("cache");
+    let saved = FeatureCache::new(&folder).save_keypoints(cache::key(), &keypoints(), 0.25);
+    saved.expect("writable");
+    cache::content(&cache::file(&folder, "keypoints"))
 }
 
 fn matches(doors: &Doors) -> Vec<u8> {

@@ -6,6 +6,7 @@
 //! hold never is.
 
 pub(crate) mod archives;
+pub(crate) mod cache;
 #[cfg(unix)] // `sh`
 pub(crate) mod children;
 mod sources;
@@ -21,7 +22,7 @@ use matchbench::exchange::{Export, Format, MatchFiles, PairExport, ReadOptions};
 use matchbench::external::{BuiltIn, Manifest};
 use matchbench::metrics::{Angle, load, load_errors};
 use matchbench::records::store::{self, RecordWriter};
-use matchbench::records::{MatchesFile, RunFolder, authors};
+use matchbench::records::{MatchesFile, RunFolder, Tuned, authors};
 use matchbench::study::Study;
 use matchbench_vision::geometry::{Camera, MatchedPoints};
 use matchbench_vision::image::Size;
@@ -104,6 +105,13 @@ const DOORS: &[Door] = &[
             doors.at("hloc/matches.h5"),
         ])
     }),
+    ("cached features", |doors, bytes| {
+        cache::features(&doors.at("cache"), bytes)
+    }),
+    ("cached keypoints", |doors, bytes| {
+        cache::keypoints(&doors.at("cache"), bytes)
+    }),
+    ("tuned.json", Doors::tuned),
     ("manifest", Doors::manifest),
     ("run file", Doors::study),
     ("errors", Doors::errors),
@@ -246,6 +254,17 @@ impl Doors {
             return false;
         };
         assert_eq!(run.records().expect("there are none"), []);
+        true
+    }
+
+    /// What a tuning found, which a run takes over.
+    fn tuned(&self, bytes: &[u8]) -> bool {
+        let Ok(tuned) = Tuned::read(&self.file("tuned.json", bytes)) else {
+            return false;
+        };
+        let again = self.at("tuned-again.json");
+        tuned.write(&again).expect("writable");
+        assert_eq!(Tuned::read(&again).expect("it was written"), tuned);
         true
     }
 
