@@ -17,7 +17,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use crate::config::{Changes, UnknownName, find};
-use crate::datasets::DatasetError;
+use crate::datasets::{DatasetError, Sequence};
 use crate::records::FolderError;
 use crate::report::check_paper_folder;
 use crate::study::{News, Study, StudyError};
@@ -118,7 +118,9 @@ impl Paper {
             // Imported here one by one, so that a sequence that cannot be imported does not stop the others.
             let mut import = dataset.import.take().expect("every sequence has a source");
             import.source = self.data.join(&import.source);
-            match import.once(&dataset.path, tell) {
+            // Images that a list names may not be there.
+            let opened = || Sequence::open(&dataset.path).map(drop);
+            match import.once(&dataset.path, tell).and_then(|()| opened()) {
                 Ok(()) => datasets.push(dataset),
                 Err(error) => left_out.push(self.left_out(name, &error)),
             }
@@ -261,5 +263,41 @@ mod tests {
             unknown.to_string().contains("did you mean `05`"),
             "{unknown}"
         );
+    }
+
+    #[test]
+    fn a_sequence_of_which_images_are_missing_does_not_stop_the_others() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+        for (name, images) in [("teddy", 2), ("large_cabinet", 3)] {
+            let source = data.join(format!("rgbd_dataset_freiburg3_{name}"));
+            std::fs::create_dir_all(&source).expect("writable");
+            let write = |name: &str, text: &str| std::fs::write(source.join(name), text);
+            let pose = "0 0 0 0 0 0 1";
+            write("rgb.txt", "1 0.pgm\n2 1.pgm\n3 2.pgm\n").expect("writable");
+            let poses = format!("1 {pose}\n2 {pose}\n3 {pose}\n");
+            write("groundtruth.txt", &poses).expect("writable");
+            for image in 0..images {
+                write(&format!("{image}.pgm"), "P5 1 1 255\n.").expect("writable");
+            }
+        }
+        let mut asked = paper(&data, &out);
+        asked.sequences = vec!["02".into(), "03".into()];
+        let (study, left_out) = asked.study(&|_| {}).expect("one is whole");
+        let [
+            LeftOut {
+                sequence, reason, ..
+            },
+        ] = &left_out[..]
+        else {
+            panic!("{left_out:?}");
+        };
+        assert!(
+            sequence == "02-teddy" && reason.contains("2.pgm: the image is missing"),
+            "{reason}"
+        );
+        assert!(left_out[0].is_broken);
+        let whole: Vec<_> = study.datasets.iter().map(|dataset| &dataset.path).collect();
+        assert_eq!(whole, [&out.join("datasets/03-large-cabinet")]);
     }
 }

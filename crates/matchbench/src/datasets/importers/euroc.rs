@@ -122,7 +122,7 @@ fn sensor_of(file: &TextFile) -> Result<(Camera, Isometry3<f64>), DatasetError> 
         )));
     }
     let model = value_of(text, "distortion_model:").unwrap_or_default();
-    let lens: Lens = match model.trim_matches(['"', '\'']) {
+    let lens: Lens = match model {
         "radial-tangential" | "radtan" => {
             let (p1, p2, k3) = (third, fourth, 0.0);
             Distortion { k1, k2, p1, p2, k3 }.into()
@@ -180,10 +180,11 @@ fn behind<'t>(text: &'t str, key: &str) -> impl Iterator<Item = &'t str> {
     lines.filter_map(move |line| line.trim_start_matches(indent).strip_prefix(key))
 }
 
-/// What stands behind `key` in the first line that begins with it.
+/// What stands behind `key` in the first line that begins with it, without quotes about it.
 fn value_of<'t>(text: &'t str, key: &str) -> Option<&'t str> {
     let rest = behind(text, key).next()?;
-    Some(rest.lines().next().unwrap_or_default().trim())
+    let value = rest.lines().next().unwrap_or_default().trim();
+    Some(value.trim_matches(['"', '\'']))
 }
 
 /// The `N` numbers in the first square brackets after `key`, which begins one line.
@@ -300,6 +301,8 @@ mod tests {
         };
         assert_eq!(read("", ""), Ok(()));
         assert_eq!(read("resolution: [24, 17]\n", ""), Ok(()));
+        assert_eq!(read("pinhole", "\"pinhole\""), Ok(()));
+        assert_eq!(read("radial-tangential", "'radtan'"), Ok(()));
         for (from, to, words) in [
             (
                 "pinhole",

@@ -4,7 +4,7 @@ use std::fs;
 
 use super::tests::source;
 use super::*;
-use crate::datasets::testing;
+use crate::datasets::{testing, validate};
 
 #[test]
 fn a_list_names_images_or_numbers_the_frames_that_are_left() {
@@ -265,6 +265,55 @@ fn frames_are_in_the_order_of_time() {
         let found = read_source(kind, &src, &ImportOptions::default()).unwrap();
         let xs: Vec<f64> = found.frames.iter().map(x).collect();
         assert_eq!(xs, [0.0, 1.0, 2.0, 3.0], "{kind}");
+    }
+}
+
+/// The pairs are those of all images, and what is missing can be put there.
+#[test]
+fn images_of_a_recording_that_are_not_there_are_named_and_keep_their_frames() {
+    let sensor = "T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nintrinsics: [20, 20, 12, 8]\n\
+                  resolution: [24, 17]\ndistortion_model: radial-tangential\ndistortion_coefficients: [0, 0, 0, 0]\n";
+    let tum = [
+        ("rgb.txt", "1.0 a.png\n1.01 b.png\n2.0 c.png\n"),
+        (
+            "groundtruth.txt",
+            "1 0 0 0 0 0 0 1\n1.01 1 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n",
+        ),
+        ("camera.txt", "20 0 12\n0 20 8\n0 0 1\n"),
+        ("a.png", ""),
+        ("b.png", ""),
+        ("c.png", ""),
+    ];
+    let euroc = [
+        ("cam0/sensor.yaml", sensor),
+        ("cam0/data.csv", "10,a.png\n20,b.png\n30,c.png\n"),
+        ("cam0/data/a.png", ""),
+        ("cam0/data/b.png", ""),
+        ("cam0/data/c.png", ""),
+        (
+            "state_groundtruth_estimate0/data.csv",
+            "10,0,0,0,1,0,0,0\n20,1,0,0,1,0,0,0\n30,2,0,0,1,0,0,0\n",
+        ),
+    ];
+    for (kind, files, missing) in [
+        ("tum", &tum[..], "b.png"),
+        ("euroc", &euroc, "cam0/data/a.png"),
+    ] {
+        let (folder, src) = source("freiburg1", files);
+        let (out, aside) = (folder.path().join("out"), folder.path().join("aside"));
+        let missing = src.join(missing);
+        fs::rename(&missing, &aside).unwrap();
+        let report = import(kind, &src, &out, &ImportOptions::default()).unwrap();
+        assert_eq!((report.frames, report.pairs), (3, 2), "{kind}");
+        let note = format!("not there (yet): 1 of 3 images ({})", missing.display());
+        assert_eq!(report.notes, [note]);
+        let problems = validate(&out);
+        assert!(
+            matches!(&problems[..], [only] if only.error.file == missing),
+            "{problems:?}"
+        );
+        fs::rename(&aside, &missing).unwrap();
+        assert_eq!(validate(&out), [], "{kind}");
     }
 }
 

@@ -42,16 +42,12 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
         match association.pose_at(&trajectory, time) {
             None => left_out.push(name.to_owned()),
             Some(pose) => {
-                let image = src.join(name);
-                if !image.is_file() {
-                    return Err(list.error_at(line, format!("there is no image {name}")));
-                }
                 let depth = association.nearest(&depth, |(time, _)| *time, time);
                 let depth = depth.map(|(_, path)| DepthFile {
                     path: path.clone(),
                     unit: DEPTH,
                 });
-                let frame = Frame::with_pose(image, camera, pose);
+                let frame = Frame::with_pose(src.join(name), camera, pose);
                 frames.push((time, frame.with_depth(depth)));
             }
         }
