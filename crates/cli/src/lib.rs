@@ -9,6 +9,7 @@
 mod args;
 mod commands;
 mod output;
+mod paths;
 mod progress;
 mod stop;
 mod threads;

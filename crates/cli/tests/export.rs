@@ -59,6 +59,10 @@ fn exported_matches_are_drawn_from_their_files() {
     let (from_files, said) = selected(&["--matches", matches]);
     assert_eq!(from_files, by_matcher);
     assert!(said.contains("wall 0 – 1, stored + ransac-e: "), "{said}");
+    fs::rename(folder.join("out/sift/wall"), folder.join("out/wall, sift")).expect("ours");
+    let (from_files, _) = selected(&["--matches", "stored=out/wall, sift"]);
+    assert_eq!(from_files, by_matcher);
+    fs::rename(folder.join("out/wall, sift"), folder.join("out/sift/wall")).expect("ours");
     for wrong in [&[][..], &["--matcher", "sift", "--matches", matches]] {
         assert_eq!(draw(wrong).status.code(), Some(1), "one of the two");
     }
@@ -90,6 +94,19 @@ fn a_dataset_that_was_moved_is_known_by_its_name_or_its_content() {
     let done = export("out", "renamed");
     assert!(done.status.success(), "{}", said(&done));
     assert!(folder.join("out/sift/wall").is_dir() && folder.join("out/sift/tower").is_dir());
+    // A comma in the name of a folder that is there separates nothing.
+    for name in ["wall, again", "wall,tower"] {
+        fs::rename(folder.join("renamed"), folder.join(name)).expect("ours");
+        for list in [
+            name.to_owned(),
+            format!("tower,{name}"),
+            format!("{name},tower"),
+        ] {
+            let done = export("commas", &list);
+            assert!(done.status.success(), "{list}: {}", said(&done));
+        }
+        fs::rename(folder.join(name), folder.join("renamed")).expect("ours");
+    }
     let poses = go(folder, &["export", "run", "poses", "--datasets", "renamed"]);
     assert_eq!(poses.status.code(), Some(1), "they need no dataset");
     for (datasets, named) in [

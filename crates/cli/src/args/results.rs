@@ -236,8 +236,9 @@ pub(crate) struct ExportArgs {
     /// matrices: as many matches as it had inliers, those nearest to the pose
     #[arg(long, value_name = "ESTIMATOR")]
     pub inliers: Option<String>,
-    /// Where datasets are now, if they were moved, separated by commas (repeatable)
-    #[arg(long, value_name = "DATASET", value_delimiter = ',')]
+    /// Where datasets are now, if they were moved, separated by commas (repeatable); a comma in the name of a folder that
+    /// exists separates nothing
+    #[arg(long, value_name = "DATASET")]
     pub datasets: Vec<PathBuf>,
 }
 

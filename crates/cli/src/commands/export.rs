@@ -21,6 +21,7 @@ use super::eval::warn_of_unrecorded;
 use crate::Ending;
 use crate::args::ExportArgs;
 use crate::output::{say, stdout};
+use crate::paths;
 
 /// The format for poses; all others are for matches.
 const AUTHORS: &str = "authors";
@@ -103,15 +104,12 @@ fn tell_of_parts(plan: &Plan) {
     }
 }
 
-/// The datasets in these folders, by the names that they have in the plan: by the name of the folder, or by its content
+/// The datasets in the folders of these lists, by the names that they have in the plan: by the name of the folder, or by its content
 /// if that is another name.
-fn moved<'a>(
-    planned: &'a [DatasetPlan],
-    folders: &[PathBuf],
-) -> Result<BTreeMap<&'a str, Sequence>> {
+fn moved<'a>(planned: &'a [DatasetPlan], lists: &[PathBuf]) -> Result<BTreeMap<&'a str, Sequence>> {
     let mut found = BTreeMap::new();
-    for folder in folders {
-        let sequence = Sequence::open(folder).context("--datasets")?;
+    for folder in lists.iter().flat_map(|list| paths::between_commas(list)) {
+        let sequence = Sequence::open(&folder).context("--datasets")?;
         let fingerprint = sequence.fingerprint();
         let by_name = planned.iter().find(|dataset| dataset.name == sequence.name);
         let by_content = || {

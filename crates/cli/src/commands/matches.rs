@@ -10,6 +10,7 @@ use matchbench::study::MatchesFrom;
 
 use crate::args::MatchesArgs;
 use crate::output::say;
+use crate::paths;
 
 /// The matches that were asked for.
 pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
@@ -30,14 +31,14 @@ pub(crate) fn asked(args: &MatchesArgs) -> Result<Vec<MatchesFrom>> {
         .collect()
 }
 
-/// `NAME=PATH[,PATH]`.
+/// `NAME=PATH[,PATH]`; a path may have commas if it exists.
 pub(crate) fn named_files(asked: &str) -> Result<(String, Vec<PathBuf>)> {
     let (name, files) = asked.split_once('=').unwrap_or_default();
     ensure!(
         !name.is_empty() && !files.is_empty(),
         "--matches {asked}: expected NAME=PATH or NAME=PATH,PATH"
     );
-    Ok((name.to_owned(), files.split(',').map(Into::into).collect()))
+    Ok((name.to_owned(), paths::between_commas(files.as_ref())))
 }
 
 /// Prints what was read, and what is missing or looks wrong.
