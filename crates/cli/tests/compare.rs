@@ -127,6 +127,7 @@ fn two_runs_are_compared_as_before_and_their_pairs_shown() {
     dataset(folder, "wall", 4);
     let run = |out: &str, more: &[&str]| {
         let words = ["run", "wall", "--matchers", "sift", "--out", out];
+        let words = [&words[..], &["--estimator", "ransac-e,best"]].concat();
         succeeds(folder, &[&words[..], more].concat());
     };
     run("first", &[]);
@@ -138,7 +139,19 @@ fn two_runs_are_compared_as_before_and_their_pairs_shown() {
     assert!(said.contains("wall with sift + ransac-e"), "{said}");
     let said = succeeds(folder, &["compare", "first", "strict", "--out", "page"]);
     assert!(said.trim_end().ends_with("page/index.html"), "{said}");
-    assert!(folder.join("page/pairs.csv").is_file());
+    // Both methods have the same two names, those of the runs.
+    let page = fs::read_to_string(folder.join("page/index.html")).expect("it was written");
+    let csv = fs::read_to_string(folder.join("page/pairs.csv")).expect("it was written");
+    for estimator in ["ransac-e", "best"] {
+        let on = format!("wall with sift + {estimator}");
+        let head = format!("<h2><bdi>{on}</bdi>: first against strict</h2>");
+        assert!(page.contains(&head), "{page}");
+        let words = page.lines().filter(|line| line.starts_with("<li>"));
+        assert_eq!(words.filter(|line| line.contains(&on)).count(), 1);
+        let its = format!(",0,sift,{estimator},sift,{estimator}");
+        let its = csv.lines().filter(|line| line.ends_with(&its));
+        assert_eq!(its.count(), 6, "{csv}");
+    }
     // The second run alone has seen another image.
     let noted = folder.join("strict/images/wall.txt");
     let notes = fs::read_to_string(&noted).expect("notes of images");

@@ -73,18 +73,11 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Ending> {
     for row in &rows {
         warn_of_repetitions(runs, row);
     }
+    let by_method = !args.matchers.is_empty();
     for row in &rows {
-        let [before, after] = row.names(runs, !args.matchers.is_empty());
-        let set = row.sets[1];
-        let on = match &args.matchers[..] {
-            [] => format!("{} with {}", set.dataset, set.method()),
-            _ => set.dataset.clone(),
-        };
-        let _ = writeln!(
-            text,
-            "{}",
-            advantage(&after, &before, &on, &row.comparison.auc)
-        );
+        let [before, after] = row.names(runs, by_method);
+        let (on, auc) = (row.on(by_method), &row.comparison.auc);
+        let _ = writeln!(text, "{}", advantage(&after, &before, &on, auc));
     }
     for (set, side) in alone {
         let _ = writeln!(
@@ -132,16 +125,18 @@ fn warn_of_repetitions(runs: [&PathBuf; 2], row: &Row<'_>) {
 fn write_page(out: &Path, args: &CompareArgs, runs: [&PathBuf; 2], rows: &[Row<'_>]) -> Result<()> {
     let [before, after] = runs.map(|run| RunFolder::open(run));
     let folders = [before?, after?];
-    let names: Vec<[String; 2]> = (rows.iter())
-        .map(|row| row.names(runs, !args.matchers.is_empty()))
+    let by_method = !args.matchers.is_empty();
+    let names: Vec<([String; 2], String)> = (rows.iter())
+        .map(|row| (row.names(runs, by_method), row.on(by_method)))
         .collect();
     let duels: Vec<Duel<'_>> = (rows.iter().zip(&names))
-        .map(|(row, names)| Duel {
+        .map(|(row, (names, on))| Duel {
             sides: [0, 1].map(|side| Side {
                 name: &names[side],
                 run: &folders[side],
                 results: row.sets[side],
             }),
+            on,
             comparison: row.comparison,
         })
         .collect();
@@ -170,6 +165,16 @@ impl Row<'_> {
                 (true, false) => format!("{} of {run}", set.method()),
             }
         })
+    }
+
+    /// What the two are compared on: their dataset, and their method unless their names are of methods.
+    fn on(&self, by_method: bool) -> String {
+        let set = self.sets[1];
+        if by_method {
+            set.dataset.clone()
+        } else {
+            format!("{} with {}", set.dataset, set.method())
+        }
     }
 }
 

@@ -27,6 +27,8 @@ pub struct Side<'a> {
 pub struct Duel<'a> {
     /// The first and the second.
     pub sides: [Side<'a>; 2],
+    /// What they are compared on: the dataset, and the method of both where their names do not say it.
+    pub on: &'a str,
     /// The change of the scores from the first to the second.
     pub comparison: Comparison,
 }

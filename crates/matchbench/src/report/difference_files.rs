@@ -10,7 +10,7 @@ use crate::metrics::PairGeometry;
 
 use super::PairView;
 use super::csv::{self, Cell};
-use super::difference::{Duel, Twin, twins, won};
+use super::difference::{Duel, Side, Twin, twins, won};
 use super::file_names::file_names;
 use super::html::{Chapter, Shown, difference_page};
 use super::of_run::{ReportError, Reported, sequences};
@@ -156,5 +156,12 @@ fn row(duel: &Duel<'_>, twin: &Twin<'_>) -> csv::Row {
         ));
     }
     row.push(count("repetition".to_owned(), twin.repetition()));
+    for (side, Side { results, .. }) in ["first", "second"].iter().zip(&duel.sides) {
+        let method = [
+            ("matcher", &results.matcher),
+            ("estimator", &results.estimator),
+        ];
+        row.extend(method.map(|(what, id)| name(&format!("{side}_{what}"), id)));
+    }
     row
 }

@@ -41,10 +41,13 @@ pub(in super::super) fn difference_page(chapters: &[Chapter<'_>]) -> String {
 }
 
 fn chapter(chapter: &Chapter<'_>) -> Value {
-    let Duel { sides, comparison } = &chapter.duel;
+    let Duel {
+        sides,
+        on,
+        comparison,
+    } = chapter.duel;
     let names = sides.map(|side| side.name);
     let protocols = sides.map(|side| of_estimator(&side.results.estimator));
-    let on = &sides[0].results.dataset;
     let lists: Vec<Value> = (chapter.won.iter().zip(names))
         .map(|(won, name)| {
             let pairs: Vec<Value> = won
@@ -55,7 +58,7 @@ fn chapter(chapter: &Chapter<'_>) -> Value {
         })
         .collect();
     context! {
-        dataset => on,
+        on,
         names => names.map(str::to_owned).to_vec(),
         words => advantage(names[1], names[0], on, &comparison.auc),
         pairs => comparison.pairs,
