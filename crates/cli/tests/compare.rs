@@ -233,6 +233,17 @@ fn what_cannot_be_compared_is_refused_in_words() {
         let message = refused(folder, words);
         assert!(message.contains(said), "{words:?}: {message}");
     }
+    dataset(folder, "hall", 3);
+    let apart = "out = 'apart'\n[[dataset]]\npath = 'wall'\nmatchers = ['sift']\n\
+                 [[dataset]]\npath = 'hall'\nmatchers = ['orb']\n";
+    fs::write(folder.join("apart.toml"), apart).expect("writable");
+    succeeds(folder, &["run", "apart.toml"]);
+    for named in ["sift,orb", "sift+ransac-e,orb+ransac-e"] {
+        let message = refused(folder, &["compare", "apart", "--matchers", named]);
+        assert!(message.contains("have no dataset in common"), "{message}");
+        // No name of an estimator would help.
+        assert!(!message.contains("name"), "{message}");
+    }
     fs::create_dir(folder.join("begun")).expect("writable");
     fs::copy(folder.join("run/plan.json"), folder.join("begun/plan.json")).expect("writable");
     let message = refused(folder, &["compare", "run", "begun"]);

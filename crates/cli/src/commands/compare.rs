@@ -231,6 +231,13 @@ fn methods<'a>(
         );
     }
     let [first, second] = &found;
+    let is_shared = |one: &&ResultSet| (second.iter()).any(|other| other.dataset == one.dataset);
+    ensure!(
+        first.iter().any(is_shared),
+        "{} and {} have no dataset in common",
+        named[0],
+        named[1]
+    );
     let mut pairs = Vec::new();
     let mut datasets: Vec<&str> = first.iter().map(|set| &*set.dataset).collect();
     datasets.dedup();
