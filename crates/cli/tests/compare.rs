@@ -90,7 +90,11 @@ fn two_matchers_of_one_run_are_compared_and_shown_side_by_side() {
         "{csv}"
     );
 
-    // The other way round each side wins what it won.
+    let has_choice = |page: &str| page.contains("id=\"keypoints\"");
+    assert!(has_choice(&page) && page.contains("class=\"keypoints\""));
+
+    // The other way round each side wins what it won. Keypoints that are gone cannot be shown.
+    fs::remove_dir_all(folder.join("both/cache")).expect("it is there");
     succeeds(
         folder,
         &[
@@ -106,6 +110,7 @@ fn two_matchers_of_one_run_are_compared_and_shown_side_by_side() {
     );
     let turned = fs::read_to_string(folder.join("turned/index.html")).expect("it was written");
     assert!(turned.matches("<article>").count() <= page.matches("<article>").count());
+    assert!(!has_choice(&turned) && turned.contains("no keypoints: they were not"));
     let rows = |page: &str| -> Vec<String> {
         let csv = fs::read_to_string(folder.join(page).join("pairs.csv")).expect("it was written");
         csv.lines()

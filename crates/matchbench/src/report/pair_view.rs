@@ -216,6 +216,13 @@ pub struct PairView {
     pub keypoints: [Points; 2],
 }
 
+impl PairView {
+    /// Whether any keypoint is drawn.
+    pub(super) fn has_keypoints(&self) -> bool {
+        !self.keypoints.iter().all(Vec::is_empty)
+    }
+}
+
 /// The matches `a[i]`, `b[i]` with their distances from the poses.
 pub fn match_views(poses: &PairPoses<'_>, a: &[Point2<f64>], b: &[Point2<f64>]) -> Vec<MatchView> {
     let truth = poses.truth.map(|pose| distances(poses, &pose, a, b));

@@ -31,10 +31,12 @@ pub(in super::super) struct Chapter<'a> {
 /// The page as text.
 pub(in super::super) fn difference_page(chapters: &[Chapter<'_>]) -> String {
     let environment = environment();
+    let shown = chapters.iter().flat_map(|chapter| &chapter.won).flatten();
     let page = template(&environment, "difference.html").render(context! {
         title => "matchbench comparison",
         style => include_str!("style.css"),
         chapters => chapters.iter().map(chapter).collect::<Vec<_>>(),
+        has_keypoints => shown.flat_map(|shown| &shown.views).flatten().any(PairView::has_keypoints),
         colours => colours(),
     });
     page.expect("the template only uses what it is given")

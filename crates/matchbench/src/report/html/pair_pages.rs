@@ -55,6 +55,7 @@ pub(in super::super) fn pair_pages(
                 style => include_str!("style.css"),
                 facts,
                 panels,
+                has_keypoints => views.iter().any(|view| view.has_keypoints()),
                 colours => colours(),
             });
             let page = page.expect("the template only uses what it is given");

@@ -254,10 +254,10 @@ fn key(svg: &mut String, top: f64, view: &PairView, limit: usize) {
     let shown = view.matches.len().min(limit);
     let shown = format!("{shown} of {} matches are drawn", tally.matches);
     text(svg, "muted", (412.0, top + 18.0), "start", &shown);
-    let magenta = if view.keypoints.iter().all(Vec::is_empty) {
-        ""
-    } else {
+    let magenta = if view.has_keypoints() {
         "; magenta: keypoints"
+    } else {
+        ""
     };
     let below = format!("{lines}{magenta}");
     text(svg, "muted", (12.0, top + 36.0), "start", &below);
