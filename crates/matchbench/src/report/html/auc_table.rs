@@ -69,10 +69,13 @@ mod tests {
         let both = render(&content);
         assert!(both.contains("true pose or homography, from 0 to 1; of homographies the AUC is"));
         assert!(both.contains(">Rotation<"));
+        let of_figures = "where a dataset has both, only poses are drawn";
+        assert!(both.contains(of_figures));
         content.summaries.remove(0);
         let alone = render(&content);
         assert!(alone.contains("true homography, from 0 to 1") && !alone.contains(">Rotation<"));
         assert_eq!(alone.matches("overview sortable").count(), 1);
+        assert!(!alone.contains(of_figures));
     }
 
     #[test]

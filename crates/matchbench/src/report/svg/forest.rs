@@ -7,6 +7,7 @@ use crate::metrics::Difference;
 use super::super::numbers::ratio;
 use super::{
     COLOURS, INK, MUTED, PALETTE, Target, axis, escape, grid, open, shorten, text, tick, width_of,
+    width_of_line,
 };
 
 /// Room beside the names.
@@ -14,6 +15,8 @@ const MARGIN: f64 = 14.0;
 const PLOT: f64 = 210.0;
 const RIGHT: f64 = 68.0;
 const LINE: f64 = 19.0;
+/// Room between the numbers of neighbouring ticks.
+const GAP: f64 = 4.0;
 
 /// One of the other methods.
 pub(in super::super) struct Rival<'a> {
@@ -52,9 +55,7 @@ pub(in super::super) fn forest(
     let high = rivals
         .iter()
         .fold(0.0_f64, |high, rival| high.max(ends(rival).1));
-    let (step, _) = axis(high - low);
-    let first = (low / step + 1e-9).floor() * step;
-    let ticks = ((high - first) / step - 1e-9).ceil().max(1.0) as usize;
+    let (first, step, ticks) = ticks_with_room(low, high);
     let width = step * ticks as f64;
     let x = |value: f64| left + PLOT * (value - first) / width;
 
@@ -136,6 +137,24 @@ pub(in super::super) fn forest(
     svg
 }
 
+/// The first tick of an axis from `low` to `high`, its step, and into how many parts ticks divide it: as many as have
+/// room for their numbers.
+fn ticks_with_room(low: f64, high: f64) -> (f64, f64, usize) {
+    let (finest, _) = axis(high - low);
+    let ticks = |step: f64| {
+        let first = (low / step + 1e-9).floor() * step;
+        let parts = ((high - first) / step - 1e-9).ceil().max(1.0);
+        (first, step, parts as usize)
+    };
+    let has_room = |&(first, step, parts): &(f64, f64, usize)| {
+        let numbers = (0..=parts).map(|i| tick(first + i as f64 * step, step));
+        let widest = numbers.map(|number| width_of_line(&number));
+        widest.fold(0.0, f64::max) + GAP <= PLOT / parts as f64
+    };
+    let mut steps = [1.0, 2.0].map(|times| ticks(times * finest)).into_iter();
+    steps.find(has_room).unwrap_or_else(|| ticks(4.0 * finest))
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::tests::{are_near, numbers, scale};
@@ -173,6 +192,22 @@ mod tests {
             ..rival("x", 0.0, 0.0, 0.0)
         };
         assert!(!forest(Target::File, "room", &["best"], &[unknown]).contains("NaN"));
+    }
+
+    #[test]
+    fn numbers_of_the_axis_do_not_touch() {
+        // In steps of 0.025 the first two would: from -0.025 on, and up to 0.125.
+        assert_eq!(ticks_with_room(-0.002, 0.11), (-0.05, 0.05, 4));
+        assert_eq!(ticks_with_room(0.0, 0.11), (0.0, 0.025, 5));
+        for low in (0..60).map(|i| f64::from(i) * -0.005) {
+            for high in (1..60).map(|i| f64::from(i) * 0.0047) {
+                let (first, step, parts) = ticks_with_room(low, high);
+                let last = first + parts as f64 * step;
+                assert!(first <= low + 1e-9 && last >= high - 1e-9 && parts >= 2);
+                let ends = [first, last].map(|value| width_of_line(&tick(value, step)));
+                assert!(ends[0].max(ends[1]) < PLOT / parts as f64, "{low} {high}");
+            }
+        }
     }
 
     #[test]

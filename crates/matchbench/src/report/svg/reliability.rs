@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use super::series::{Legend, open_group, polyline, sized_marker};
-use super::{Target, axis_label, grid, open, text, tick};
+use super::{MUTED, Target, axis_label, grid, open, text, tick};
 use crate::metrics::Reliability;
 
 const PLOT: f64 = 320.0;
@@ -56,7 +56,12 @@ pub(in super::super) fn reliability_diagram(
             &label,
         );
     }
-    grid(&mut svg, (x(0.0), y(0.0)), (x(1.0), y(1.0)));
+    let (from, to) = ((x(0.0), y(0.0)), (x(1.0), y(1.0)));
+    let _ = writeln!(
+        svg,
+        r#"<line class="zero" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke="{MUTED}" stroke-dasharray="2 3"/>"#,
+        from.0, from.1, to.0, to.1
+    );
     let below = (x(0.5), y(0.0) + 33.0);
     text(&mut svg, "muted", below, "middle", "stated probability");
     axis_label(&mut svg, y(0.5), "share of right poses");
