@@ -4,6 +4,8 @@ mod common;
 mod planes;
 
 use std::fs;
+#[cfg(unix)]
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::thread::sleep;
@@ -188,6 +190,35 @@ fn ctrl_c_keeps_what_is_done_and_says_how_to_go_on() {
         records(&run, "wall", "sift").len(),
         FRAMES * (2 * FRAMES - 1)
     );
+}
+
+#[cfg(unix)]
+#[test]
+fn times_that_were_measured_before_ctrl_c_are_written() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let wall = dataset(folder.path(), "wall", FRAMES);
+    let table = folder.path().join("times.csv");
+    let mut child = matchbench()
+        .args(["time", "--matchers", "orb,repmatch", "--csv"])
+        .args([&table, &wall])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let printed = BufReader::new(child.stdout.take().expect("it is piped"));
+    let mut printed = printed.lines().map(|line| line.expect("it is text"));
+    assert!(printed.any(|line| line.starts_with("orb ")));
+    send(stop_signal(), child.id());
+    let output = child.wait_with_output().expect("it ended");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert!(
+        message.contains("stopped after 1 of 2 matchers"),
+        "{message}"
+    );
+    let table = fs::read_to_string(&table).expect("it was written");
+    let measured = table.lines().skip(1).map(|row| row.split(',').next());
+    assert_eq!(measured.collect::<Vec<_>>(), [Some("orb")]);
 }
 
 #[cfg(unix)]

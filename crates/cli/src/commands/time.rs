@@ -59,7 +59,7 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
     for contender in &contenders {
         let id = contender.source.id();
         let Some(timing) = time(&dataset, contender, args.pairs.get(), cancel)? else {
-            return Ok(Ending::Stopped);
+            break;
         };
         let stages = &timing.stages;
         let times = [
@@ -88,20 +88,36 @@ pub(crate) fn run(args: &TimeArgs) -> Result<Ending> {
             noisy = true;
         }
     }
-    if let Some(file) = &args.csv {
-        write_result(file, times_as_csv(&rows).as_bytes())?;
-    }
-    if let Some(file) = &args.latex {
-        write_result(file, times_as_latex(&rows, &about).as_bytes())?;
+    // What was measured before the user stopped it is kept.
+    if !rows.is_empty() {
+        write_files(args, &rows, &about)?;
     }
     if noisy {
         say!("the machine was not quiet; measure again without other programs");
     }
-    Ok(if broken {
+    Ok(if rows.len() < contenders.len() {
+        say!(
+            "stopped after {} of {}",
+            rows.len(),
+            counted(contenders.len(), "matcher")
+        );
+        Ending::Stopped
+    } else if broken {
         Ending::SomeFailed
     } else {
         Ending::Done
     })
+}
+
+/// Writes the tables that were asked for.
+fn write_files(args: &TimeArgs, rows: &[MatcherTimes], about: &str) -> Result<()> {
+    if let Some(file) = &args.csv {
+        write_result(file, times_as_csv(rows).as_bytes())?;
+    }
+    if let Some(file) = &args.latex {
+        write_result(file, times_as_latex(rows, about).as_bytes())?;
+    }
+    Ok(())
 }
 
 fn shown(spread: Option<Quartiles>) -> String {
