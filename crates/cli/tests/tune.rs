@@ -45,6 +45,12 @@ fn what_is_tuned_on_one_scene_is_used_on_another_and_refused_on_the_same() {
         .expect("the program starts");
     let table = succeeded(&tune);
     assert_eq!(table.matches("<- best").count(), 1, "{table}");
+    // Scores stand below each other.
+    for value in ["  0.01         ", "  1            ", "  2            "] {
+        let mut scores = table.lines().filter_map(|line| line.strip_prefix(value));
+        let is_number = |score: &str| score.starts_with(|c: char| c.is_ascii_digit());
+        assert!(scores.any(is_number), "{table}");
+    }
     let tuned = tuning.join("tuned.json");
     let chosen = fs::read_to_string(&tuned).expect("it was written");
     assert!(chosen.contains("ransac-e.threshold_px="), "{chosen}");

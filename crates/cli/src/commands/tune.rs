@@ -72,6 +72,8 @@ fn print(tuned: &Tuned, parameter: &str, folder: &Path) -> Result<()> {
             Some((_, best)) if best == auc => "  as good",
             _ => "",
         };
+        // `Value` ignores the width that a format asks for.
+        let value = value.to_string();
         writeln!(out, "  {value:<12} {auc:.4}{mark}")?;
     }
     if all_equal {
