@@ -36,7 +36,7 @@ pub enum JoinError {
     #[error(
         "{} cannot be joined with {}: {difference}; runs that are joined have the same version, seed, pairs and \
          repetitions, and the same parameters of what both have",
-        run.display(), first.display()
+        first.display(), run.display()
     )]
     Differ {
         /// The first run.

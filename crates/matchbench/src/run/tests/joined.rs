@@ -173,6 +173,8 @@ fn runs_that_contradict_each_other_are_not_joined() {
     bench.run("threshold").unwrap();
     set_threshold(&mut bench.contenders[0], 64);
     assert!(refused(&bench, &["a", "seed"]).contains("`settings.seed` is 1 there and 0 here"));
+    // "There" is the run that is named last.
+    assert!(refused(&bench, &["a", "seed"]).contains("seed: `settings.seed` is 1 there"));
     assert!(refused(&bench, &["a", "twice"]).contains("`settings.repetitions` is 2 there"));
     assert!(
         refused(&bench, &["a", "threshold"]).contains("`matchers.bright.params.threshold` is 65")
