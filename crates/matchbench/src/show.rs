@@ -24,6 +24,7 @@ use crate::run::{
 const DRAWN: (u32, u8) = (1600, 88);
 
 /// A pair that was matched, ready to be drawn.
+#[derive(Debug)]
 pub struct Shown {
     /// What is drawn.
     pub view: PairView,

@@ -23,7 +23,7 @@ use crate::run::{
 };
 
 /// What is tuned, and on what.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Tuning<'a> {
     /// The datasets. None of them may be reported on later.
     pub datasets: &'a [Dataset],

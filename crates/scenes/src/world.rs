@@ -1,5 +1,7 @@
 //! A place that is ready to be rendered: geometry, painted textures, computed light.
 
+use std::fmt;
+
 use matchbench_vision::image::{FloatImage, GrayImage, Image};
 use matchbench_vision::seed::Seed;
 use nalgebra::{Isometry3, Point2, Vector3};
@@ -23,6 +25,14 @@ pub struct World {
     lighting: Lighting,
     /// Irradiance at each vertex of the mesh.
     light: Vec<f32>,
+}
+
+impl fmt::Debug for World {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("World")
+            .field("place", &self.place)
+            .finish_non_exhaustive()
+    }
 }
 
 /// A camera at one instant, in the precision of the ray caster.

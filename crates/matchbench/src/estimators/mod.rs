@@ -58,6 +58,7 @@ pub trait EstimatorEntry: Sync {
 }
 
 /// An estimator ready to be run, and everything that its results depend on.
+#[derive(Debug)]
 pub struct BuiltEstimator {
     /// Id of its entry.
     pub id: String,
@@ -68,6 +69,7 @@ pub struct BuiltEstimator {
 }
 
 /// An estimator, by what it estimates.
+#[derive(Debug)]
 pub enum Estimator {
     /// The relative pose of two cameras.
     Pose(Box<dyn PoseEstimator>),

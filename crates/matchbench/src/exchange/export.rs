@@ -30,6 +30,7 @@ use crate::datasets::{Frame, Sequence};
 use crate::records::{DatasetPlan, FolderError, MatchesFile, RunFolder, RunRecord};
 
 /// Matches of one matcher on one dataset, to be written.
+#[derive(Debug)]
 pub struct Export<'a> {
     /// The dataset.
     pub sequence: &'a Sequence,

@@ -7,6 +7,7 @@
 //! so, since points of resized images look like that.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -100,6 +101,15 @@ pub struct FileMatches {
     pub points: MatchedPoints,
     /// Numbers of keypoints of both images, where the format knows them.
     pub keypoints: Option<[usize; 2]>,
+}
+
+impl fmt::Debug for MatchFiles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MatchFiles")
+            .field("understood", &self.understood)
+            .field("survey", &self.survey)
+            .finish_non_exhaustive()
+    }
 }
 
 impl MatchFiles {

@@ -13,6 +13,7 @@ use crate::datasets::Sequence;
 use crate::matchers::{BuiltPointSource, ImageFiles, PointSource, SourceError, SourcedMatches};
 
 /// Matches of several datasets in files.
+#[derive(Debug)]
 pub struct MatchSource {
     /// By name of the dataset.
     datasets: BTreeMap<String, MatchFiles>,

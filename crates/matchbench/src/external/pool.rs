@@ -101,6 +101,15 @@ impl fmt::Display for Breakdown {
     }
 }
 
+impl fmt::Debug for External {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("External")
+            .field("manifest", &self.manifest)
+            .field("identity", &self.identity)
+            .finish_non_exhaustive()
+    }
+}
+
 impl External {
     /// Starts the first process and learns what it is. What it prints goes to `log`.
     ///

@@ -269,11 +269,7 @@ mod tests {
             (json!({"radius_px": 5}), "radius_px"),
             (json!({"selection": "fginn", "radius_px": -1}), "radius_px"),
         ] {
-            let message = SIFT
-                .build(Some(&params))
-                .err()
-                .expect("refused")
-                .to_string();
+            let message = SIFT.build(Some(&params)).expect_err("refused").to_string();
             assert!(
                 message.contains(named) && message.contains("sift"),
                 "{message}"

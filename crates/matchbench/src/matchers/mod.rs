@@ -119,6 +119,7 @@ pub trait MatcherEntry: Sync {
 }
 
 /// A matcher ready to be run, and everything that its results depend on.
+#[derive(Debug)]
 pub struct BuiltMatcher {
     /// Id of its entry.
     pub id: String,

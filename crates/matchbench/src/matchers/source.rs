@@ -5,6 +5,7 @@
 //! another tool). They have no such stages and implement [`PointSource`]. After the matched points are there,
 //! no code depends on which of the two they came from.
 
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,6 +48,7 @@ pub fn mostly_copies(matches: impl Iterator<Item = [f32; 4]>) -> Option<usize> {
 }
 
 /// The source of the matches of a contender.
+#[derive(Debug)]
 pub enum Source {
     /// Features are extracted, searched and selected.
     Matcher(BuiltMatcher),
@@ -55,6 +57,7 @@ pub enum Source {
 }
 
 /// A source of matched points ready to be run, and everything that its results depend on.
+#[derive(Debug)]
 pub struct BuiltPointSource {
     /// Its name in records and in tables.
     pub id: String,
@@ -95,6 +98,13 @@ pub trait PointSource: Send + Sync {
     /// found again when it is needed again.
     fn take_unkept(&self) -> Vec<String> {
         Vec::new()
+    }
+}
+
+/// What holds a source can be printed, whatever that is.
+impl fmt::Debug for dyn PointSource + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn PointSource")
     }
 }
 

@@ -25,6 +25,7 @@ pub fn default_estimators(datasets: &[Dataset]) -> Vec<String> {
 }
 
 /// A source of matches and the estimators that turn its matches into poses.
+#[derive(Debug)]
 pub struct Contender {
     /// Where the matches come from.
     pub source: Source,
@@ -47,6 +48,7 @@ pub struct Outside<'a> {
 ///
 /// The name tells records apart, and nothing else: the random draws follow from the id of the
 /// estimator, so that two variants of it (a parameter with two values) make the same.
+#[derive(Debug)]
 pub struct Variant {
     /// The name in records and tables.
     pub name: String,

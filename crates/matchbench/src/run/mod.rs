@@ -159,6 +159,7 @@ pub fn decode(file: &[u8]) -> Result<matchbench_vision::image::GrayImage, String
 }
 
 /// Everything that a run needs.
+#[derive(Debug)]
 pub struct Run<'a> {
     /// The datasets.
     pub datasets: &'a [Dataset],

@@ -27,6 +27,7 @@ use crate::run::{
 };
 
 /// A study that is ready to run: its datasets are open, and its matchers are built.
+#[derive(Debug)]
 pub struct Prepared {
     /// The datasets, each with the matchers that are run on it.
     pub datasets: Vec<Dataset>,
@@ -48,6 +49,7 @@ pub struct Prepared {
 }
 
 /// Events while a study is prepared.
+#[derive(Debug)]
 pub enum News<'a> {
     /// A dataset was imported into this folder.
     Imported(&'a Path, &'a ImportReport),
@@ -482,7 +484,7 @@ mod tests {
             std::fs::write(&file, format!("out = 'run'\n{text}")).unwrap();
             let study = Study::read(&file).unwrap();
             let prepared = study.prepare_on(Vec::new(), Vec::new(), &Cancel::default(), &|_| {});
-            (file, prepared.err().expect("it is wrong").to_string())
+            (file, prepared.expect_err("it is wrong").to_string())
         };
         for (text, line, named) in [
             ("matchers = ['sift',\n 'gone.toml']\n", 3, "gone.toml: "),

@@ -283,7 +283,7 @@ fn a_child_that_does_not_get_ready_is_an_error_that_names_the_log() {
             20.0
         };
         let bench = Bench::with(behaviour, &format!("start_timeout_s = {wait}\n"));
-        let error = bench.external.as_ref().err().expect(behaviour).to_string();
+        let error = bench.external.as_ref().expect_err(behaviour).to_string();
         assert!(
             error.contains(named) && error.contains("test.log"),
             "{behaviour}: {error}"
@@ -300,8 +300,7 @@ fn a_child_that_does_not_get_ready_is_an_error_that_names_the_log() {
         .expect("well-formed");
     let log = Log::open(&folder.path().join("x.log")).expect("can be written");
     let error = External::start(manifest, log)
-        .err()
-        .expect("refused")
+        .expect_err("refused")
         .to_string();
     assert!(error.contains("no-such-program-anywhere"), "{error}");
 }

@@ -54,6 +54,8 @@ pub use sift::{Sift, SiftParams};
 pub(crate) use strongest::strongest;
 pub use surf::{Surf, SurfParams};
 
+use std::fmt;
+
 use crate::image::{GrayImage, Size};
 
 /// Finds keypoints.
@@ -162,6 +164,13 @@ impl Detections for Unshared {
     }
 
     fn remember(&mut self, _: &[Keypoint]) {}
+}
+
+/// What holds an extractor can be printed, whatever that is.
+impl fmt::Debug for dyn Extractor + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "dyn Extractor of {}", self.kind())
+    }
 }
 
 impl<E: Extractor + ?Sized> Extractor for Box<E> {

@@ -21,6 +21,7 @@ use crate::seed::Seed;
 /// };
 /// # Ok::<(), matchbench_vision::ParamError>(())
 /// ```
+#[derive(Debug)]
 pub struct Pipeline {
     /// Finds and describes features.
     pub extractor: Box<dyn Extractor>,
@@ -121,6 +122,15 @@ mod tests {
 
     fn nothing(kind: DescriptorKind) -> Features {
         Features::new(Size::new(20, 20), Vec::new(), Descriptors::empty(kind))
+    }
+
+    #[test]
+    fn a_matcher_can_be_printed_whatever_its_parts_are() {
+        let printed = format!("{:?}", of_orb(Box::new(MutualCheck)));
+        assert_eq!(
+            printed,
+            "Pipeline { extractor: dyn Extractor of 256 bits, search: dyn Search, selectors: [dyn Selector] }"
+        );
     }
 
     #[test]

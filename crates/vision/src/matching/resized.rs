@@ -29,6 +29,7 @@ pub enum ImageSize {
 
 /// A matcher whose features are found in images of another size. Their coordinates are those of the original
 /// images.
+#[derive(Debug)]
 pub struct Resized {
     matcher: Box<dyn Matcher>,
     size: ImageSize,

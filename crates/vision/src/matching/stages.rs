@@ -1,5 +1,7 @@
 //! What a matcher is: three stages (extract, search, select), each of which the caller can time.
 
+use std::fmt;
+
 use super::{Correspondence, Correspondences, MatcherError};
 use crate::features::{DescriptorKind, Detections, Features};
 use crate::geometry::{Camera, MatchedPoints};
@@ -176,5 +178,24 @@ pub trait Selector: Send + Sync {
     /// Whether what it keeps depends on the seed. If not, it may be asked once for several seeds.
     fn uses_seed(&self) -> bool {
         true
+    }
+}
+
+/// What holds a matcher can be printed, whatever that is.
+impl fmt::Debug for dyn Matcher + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn Matcher")
+    }
+}
+
+impl fmt::Debug for dyn Search + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn Search")
+    }
+}
+
+impl fmt::Debug for dyn Selector + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn Selector")
     }
 }

@@ -197,6 +197,19 @@ pub trait HomographyEstimator: Send + Sync {
     ) -> Result<HomographyEstimate, NoModel>;
 }
 
+/// What holds an estimator can be printed, whatever that is.
+impl fmt::Debug for dyn PoseEstimator + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn PoseEstimator")
+    }
+}
+
+impl fmt::Debug for dyn HomographyEstimator + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("dyn HomographyEstimator")
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::Point2;

@@ -47,6 +47,7 @@ use crate::image::{GrayImage, Size};
 use crate::seed::Seed;
 
 /// A matcher whose matches are moved by least squares matching. It needs the pixels of both images.
+#[derive(Debug)]
 pub struct Refined {
     matcher: Box<dyn Matcher>,
 }
