@@ -36,6 +36,7 @@ pub struct Shown {
 
 /// Why a pair cannot be shown.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShowError {
     /// The dataset does not list the pair.
     #[error("{dataset} has no pair {a} {b}; {}", if *.is_turned { "it has the two in the other order".to_owned() } else { format!("its {listed_in} lists those that it has") })]

@@ -59,6 +59,7 @@ impl Timing {
 
 /// Why nothing could be measured.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TimeError {
     /// The run.
     #[error(transparent)]

@@ -54,6 +54,7 @@ pub struct TuningDone {
 
 /// Why a parameter could not be tuned.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TuneError {
     /// The parameter or its values.
     #[error("{0}")]

@@ -109,6 +109,24 @@ fn no_message_is_printed_twice() {
 }
 
 #[test]
+fn an_error_may_get_a_new_reason() {
+    for (path, text) in own_files() {
+        let mut before = "";
+        for (number, line) in code(&text) {
+            let name = line
+                .strip_prefix("pub enum ")
+                .map(|name| name.trim_end_matches(" {"));
+            assert!(
+                !name.is_some_and(|name| name.ends_with("Error")) || before == "#[non_exhaustive]",
+                "{}:{number}: put #[non_exhaustive] above it, or a new reason breaks the programs that match all",
+                path.display()
+            );
+            before = line;
+        }
+    }
+}
+
+#[test]
 fn no_file_grows_without_being_asked_why() {
     for (path, text) in own_files() {
         let lines = text.lines().count();

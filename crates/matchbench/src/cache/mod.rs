@@ -22,6 +22,7 @@ use crate::matchers::Extraction;
 
 /// Why something is not in the cache.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SaveError {
     /// A link is on the way to the file, and nothing is written through it; the error names it.
     #[error("{0}")]

@@ -33,6 +33,7 @@ const MODELS: [(&str, &str); 11] = [
 
 /// Why parameters are no camera.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CameraModelError {
     /// The model is none of those that are supported.
     #[error("the camera model {0} is not supported: {known} are", known = known())]

@@ -18,6 +18,7 @@ pub(super) const MAX_SIDE: usize = 65_535;
 
 /// Why bytes are not an image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DecodeError {
     /// The format is not one of those supported.
     #[error("not an image of a known format (png, jpeg, bmp, tiff, webp, pgm, ppm)")]

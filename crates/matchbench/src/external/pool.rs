@@ -79,6 +79,7 @@ pub struct StartError {
 
 /// Why a question has no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Breakdown {
     /// The child says that it cannot do this one, or there is no memory for its answer. Asked again, it would be so again.
     Said(String),

@@ -164,6 +164,7 @@ pub struct SourceSeconds {
 
 /// Why a source has no matches.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SourceError {
     /// Of this pair; another time there may be some.
     #[error("{0}")]

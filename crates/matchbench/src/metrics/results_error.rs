@@ -9,6 +9,7 @@ use crate::records::{FolderError, StoreError};
 
 /// Why results cannot be scored.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ResultsError {
     /// A file or folder cannot be read.
     #[error("{path}: {error}")]

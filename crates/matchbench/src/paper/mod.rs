@@ -63,6 +63,7 @@ pub struct LeftOut {
 
 /// Why the paper cannot be run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PaperError {
     /// There is no sequence of this number.
     #[error(transparent)]

@@ -22,6 +22,7 @@ use crate::files::{LineError, read_file, read_text_lines, write_whole};
 
 /// Why a file in the authors' layout cannot be read or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum AuthorsError {
     /// A file cannot be read.
     #[error("cannot read {}: {error}", path.display())]

@@ -7,6 +7,7 @@ use super::StoreError;
 
 /// Why the folder of a run cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FolderError {
     /// There is no plan, so it is no folder of a run.
     #[error("{} is not the folder of a run: it has no plan.json", folder.display())]

@@ -30,6 +30,7 @@ use crate::files::{Appender, LineBlocks, LineError, WholeFile, open_file, write_
 
 /// Why records cannot be read or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// The file system refused.
     #[error("cannot {action} {}: {error}", path.display())]

@@ -55,6 +55,7 @@ pub struct Reported {
 
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReportError {
     /// The results cannot be scored.
     #[error(transparent)]

@@ -60,6 +60,7 @@ pub struct Variant {
 
 /// Why names and settings make no contenders.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ContenderError {
     /// No matcher or estimator has this name.
     #[error(transparent)]

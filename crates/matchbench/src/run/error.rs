@@ -6,6 +6,7 @@ use crate::records::{FolderError, ShardError, StoreError};
 
 /// Why a run cannot start or go on. What was recorded stays recorded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The datasets, matchers and estimators do not make a run.
     #[error("{0}")]

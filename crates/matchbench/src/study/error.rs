@@ -14,6 +14,7 @@ pub(super) const CORRECT: &str = "correct this file, docs/formats.md lists all k
 
 /// Why a study cannot be run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StudyError {
     /// A run file is wrong.
     #[error("{}{}: {what}; {remedy}", .file.display(), .line.map(|n| format!(":{n}")).unwrap_or_default())]

@@ -31,6 +31,7 @@ use plan::joined;
 
 /// Why runs cannot be joined.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum JoinError {
     /// They are not runs of one plan.
     #[error(

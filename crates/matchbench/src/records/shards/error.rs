@@ -8,6 +8,7 @@ use crate::counted::counted;
 
 /// Why shards cannot be planned, worked or merged.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShardError {
     /// There is no plan of shards.
     #[error(
