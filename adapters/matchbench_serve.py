@@ -191,7 +191,10 @@ def _read(path, gray):
         import PIL.Image
         image = PIL.Image.open(path)
         if image.mode.startswith("I;16") or (image.mode == "I" and image.format in ("PNG", "PPM")):
-            image = PIL.Image.fromarray(_upper_bits(np.asarray(image), path))
+            # The upper 8, as cv2 and matchbench read them. PIL would cut values off at 255.
+            image = PIL.Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
+        elif image.mode in ("I", "F"):
+            raise ValueError(f"{path} has pixels of more than 16 bits; convert it to a png of 8 bits")
         return np.asarray(image.convert("L" if gray else "RGB"))
     mode = cv2.IMREAD_GRAYSCALE if gray else cv2.IMREAD_COLOR
     pixels = cv2.imread(path, mode | cv2.IMREAD_IGNORE_ORIENTATION)
@@ -242,13 +245,6 @@ def _between(pixels, count, axis):
     first = at.astype(np.int32)
     weight = np.rint((at - first) * 256).astype(np.int32).reshape([-1 if i == axis else 1 for i in range(pixels.ndim)])
     return (256 - weight) * pixels.take(first, axis) + weight * pixels.take(np.minimum(first + 1, length - 1), axis)
-
-
-def _upper_bits(pixels, path):
-    """Grey pixels of 16 bits with their upper 8 alone, as cv2 and matchbench read them. PIL cuts them off at 255."""
-    if pixels.size and not 0 <= pixels.min() <= pixels.max() <= 0xFFFF:
-        raise ValueError(f"{path} has pixels of more than 16 bits")
-    return (pixels >> 8).astype(np.uint8)
 
 
 def _areas(pixels, count, axis):

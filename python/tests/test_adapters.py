@@ -245,6 +245,7 @@ def test_without_opencv_grey_pixels_of_16_bits_are_their_upper_8(
     big_endian = tmp_path / "deep.pgm"
     big_endian.write_bytes(b"P5 12 8 65535\n" + stored.astype(">u2").tobytes())
     assert (Image(str(big_endian), (12, 8)).gray() == stored >> 8).all()
-    pillow.fromarray(np.full((8, 12), 1 << 20, np.int32)).save(tmp_path / "deeper.tiff")
-    with pytest.raises(ValueError, match="more than 16 bits"):
-        Image(str(tmp_path / "deeper.tiff"), (12, 8)).gray()
+    for dtype in (np.int32, np.float32):
+        pillow.fromarray(np.full((8, 12), 1 << 20, dtype)).save(tmp_path / "deeper.tiff")
+        with pytest.raises(ValueError, match="more than 16 bits"):
+            Image(str(tmp_path / "deeper.tiff"), (12, 8)).gray()
