@@ -102,10 +102,11 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
             image = Image(path, size)
             extracted.append(path)
             known[path] = image, timed("extract", seconds, extract, image, params)
-            while len(known) > keep:
-                known.popitem(last=False)
         known.move_to_end(path)
-        return known[path]
+        found = known[path]
+        while len(known) > keep:
+            known.popitem(last=False)
+        return found
 
     def matches(request, seconds):
         sides, extracted = [(request["a"], request["size_a"]), (request["b"], request["size_b"])], []
@@ -118,7 +119,7 @@ def serve(match=None, extract=None, describe=None, prepare=None, name=None, vers
         certainty = _certainty(certainty[0] if certainty else None, len(points_a))
         rows = np.column_stack([points_a, points_b, 1.0 - certainty])
         rows.astype("<f4").tofile(request["out"])
-        counts = [len(of["keypoints"]) for of in (of_a, of_b)] if extract else None
+        counts = [_count(of["keypoints"]) for of in (of_a, of_b)] if extract else None
         found = {"features": counts, "extracted": len(extracted)} if extract else {}
         return dict(type="matched", pair=request["pair"], count=len(rows), **found)
 
@@ -214,6 +215,12 @@ def _n_by_2(points):
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points: an array of shape {_shape(points)}; give n x 2 (x, y)")
     return points
+
+
+def _count(keypoints):
+    """How many keypoints there are, also in a batch of one, or in cv2's n x 1 x 2."""
+    shape = np.shape(keypoints)
+    return int(np.prod(shape[:2])) if len(shape) == 3 and 1 in shape[:2] else len(keypoints)
 
 
 def _shape(array):

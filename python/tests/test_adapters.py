@@ -77,6 +77,25 @@ def test_the_time_of_an_image_is_half_of_that_of_two(dataset: mb.Dataset, tmp_pa
     assert len(times) == 3 and all(each["extract_a"] == each["extract_b"] > 0 for each in times)
 
 
+@pytest.mark.parametrize(
+    ("given", "changed"),
+    [("keep=1", "keep=0"), ("[[1, 2]]", "[[[1, 2], [3, 4]]]"), ("[[1, 2]]", "[[[1, 2]], [[3, 4]]]")],
+)
+def test_features_may_be_kept_of_no_image_and_be_a_batch_of_one(
+    dataset: mb.Dataset, tmp_path: Path, given: str, changed: str
+) -> None:
+    assert given in STAGED
+    (tmp_path / "staged.py").write_text(STAGED.replace(given, changed))
+    manifest = tmp_path / "staged.toml"
+    manifest.write_text(f'name = "staged"\ncommand = [{json.dumps(sys.executable)}, "staged.py"]\n')
+    run = mb.run(dataset, manifest, "best", out=tmp_path / "run", progress=False)
+    assert run.failed == 0
+    (records,) = run.path.glob("records/*/*.jsonl")
+    counts = [json.loads(line)["counts"] for line in records.read_text().splitlines()]
+    keypoints = 1 if given == "keep=1" else 2
+    assert {(each["features_a"], each["selected"]) for each in counts} == {(keypoints, keypoints)}
+
+
 FEATURES = f"""
 import sys
 import numpy as np
