@@ -5,7 +5,7 @@
 //! | --- | --- | --- | --- |
 //! | `keypoints` | n x 2 | float | x and y in pixels of the original image |
 //! | `descriptors` | n x d | float16, float32 or uint8 | bits in bytes, lowest first, if `hamming` is set |
-//! | `scales` | n | float | diameter of what was described, in pixels; default: 1 |
+//! | `scales` | n | float | diameter of what was described, in pixels, not below 0; default: 1 |
 //! | `angles` | n | float | orientation in radians, from x towards y; NaN: none; default: none |
 //! | `scores` | n | float | strength, higher is better; default: 0 |
 //!
@@ -80,6 +80,16 @@ pub(super) fn read_features(
     let points = array(&mut file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
     let mut column = |name: &str| array(&mut file, name, &[count]);
     let (scales, angles, scores) = (column("scales")?, column("angles")?, column("scores")?);
+    if let Some((row, scale)) = scales
+        .iter()
+        .flatten()
+        .enumerate()
+        .find(|(_, scale)| **scale < 0.0)
+    {
+        return Err(format!(
+            "its `scales` are diameters, not below 0; row {row} is {scale}"
+        ));
+    }
     if let Some(wrong) = angles.as_deref().and_then(wrong_angle) {
         return Err(format!("its `angles`: {wrong}"));
     }
@@ -391,6 +401,12 @@ mod tests {
                 1,
                 false,
                 "1 of 0 values",
+            ),
+            (
+                vec![points(&good), rows(), ("scales", floats("(1,)", &[-1.0]))],
+                1,
+                false,
+                "`scales` are diameters, not below 0; row 0 is -1",
             ),
             (
                 vec![points(&good), rows(), ("sizes", floats("(0,)", &[]))],
