@@ -265,7 +265,7 @@ impl Hdf5 {
                 .map_err(|error| error.to_string())?;
             Array::new(shape, element, bytes)
         };
-        decoded(array).map_err(|what| self.damaged(what).of(path))
+        decoded(array).map_err(|what| self.undecoded(what).of(path))
     }
 
     /// Counts the `bytes` to which the array at `path` is to be decoded, unless it was before.
@@ -295,6 +295,19 @@ impl Hdf5 {
 
     fn damaged(&self, what: impl std::fmt::Display) -> ArrayError {
         ArrayError::damaged(&self.path, what)
+    }
+
+    /// The error for an array that cannot be decoded. With a filter that is not known here (h5py's LZF, those of plugins)
+    /// the tool that made it would write the same again.
+    fn undecoded(&self, what: String) -> ArrayError {
+        let damaged = self.damaged(what);
+        if !damaged.what.contains("unsupported filter") {
+            return damaged;
+        }
+        ArrayError {
+            remedy: "write it with another compression, such as gzip, or with none",
+            ..damaged
+        }
     }
 
     /// The error for a group whose members cannot be listed. The decoder takes a large group of the latest format for

@@ -9,7 +9,7 @@
 //! The header is scanned here and not parsed as Python: it has three known keys and no recursion, so no header
 //! can exhaust the stack.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 
 use super::array::{Array, Element, bytes_of};
 
@@ -109,7 +109,10 @@ fn read_header(file: &mut impl Read) -> Result<Header, String> {
 }
 
 fn read(file: &mut impl Read, into: &mut [u8]) -> Result<(), String> {
-    (file.read_exact(into)).map_err(|error| format!("it is cut off ({error})"))
+    file.read_exact(into).map_err(|error| match error.kind() {
+        ErrorKind::UnexpectedEof => format!("it is cut off ({error})"),
+        _ => error.to_string(),
+    })
 }
 
 struct Header {

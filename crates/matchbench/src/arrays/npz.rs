@@ -189,6 +189,23 @@ mod tests {
     }
 
     #[test]
+    fn another_compression_is_not_called_a_cut() {
+        const BZIP2: u8 = 12;
+        let mut bytes = npz(&[("a", &[1], "<f4", floats(&[1.5]))]);
+        let listed = bytes
+            .windows(4)
+            .position(|four| four == b"PK\x01\x02")
+            .unwrap();
+        (bytes[8], bytes[listed + 10]) = (BZIP2, BZIP2);
+        let (_folder, archive) = opened(&bytes);
+        let error = archive.unwrap().array("a").unwrap_err().what();
+        assert!(
+            error.contains("compression method not supported") && !error.contains("cut off"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn every_cut_of_an_archive_is_an_error() {
         let bytes = npz(&[("a", &[3, 2], "<f4", floats(&[0.0; 6]))]);
         for length in 0..bytes.len() {

@@ -194,6 +194,45 @@ fn an_array_that_is_smaller_than_its_chunk_is_read() {
 }
 
 #[test]
+fn a_filter_that_is_not_known_is_told_with_what_to_write_instead() {
+    // The number that h5py has registered for its LZF.
+    let lzf = [&[2, 1][..], &32_000_u16.to_le_bytes(), &[0; 6]].concat();
+    let space = [1, 1, 0, 0, 0, 0, 0, 0]
+        .into_iter()
+        .chain(4_u64.to_le_bytes());
+    let array = |tree: u64| {
+        let sides = [4_u32, 1].into_iter().flat_map(u32::to_le_bytes);
+        let layout = [3, 2, 2].into_iter().chain(tree.to_le_bytes()).chain(sides);
+        object(&[
+            message(1, &space.clone().collect::<Vec<u8>>()),
+            message(3, &[0x10, 0, 0, 0, 1, 0, 0, 0, 0, 0, 8, 0]),
+            message(11, &lzf),
+            message(8, &layout.collect::<Vec<u8>>()),
+        ])
+    };
+    let to = HEAD + group(&[0]).len() as u64;
+    let tree = to + array(0).len() as u64;
+    // One chunk of four bytes, behind the tree that leads to it.
+    let key = |at: u64| {
+        [
+            &4_u32.to_le_bytes()[..],
+            &[0; 4],
+            &at.to_le_bytes(),
+            &[0; 8],
+        ]
+        .concat()
+    };
+    let leaf = [&b"TREE\x01\0\x01\0"[..], &[0xff; 16], &key(0)].concat();
+    let chunk = tree + (leaf.len() + 8 + key(4).len()) as u64;
+    let leaf = [leaf, chunk.to_le_bytes().to_vec(), key(4), vec![7; 4]].concat();
+    let bytes = file_of(&[group(&[to]), array(tree), leaf]);
+    let file = Hdf5::of_bytes(Path::new("m.h5"), bytes).unwrap();
+    let error = file.array("a").unwrap_err();
+    assert!(error.what().contains("unsupported filter"), "{error:?}");
+    assert!(error.remedy.contains("gzip"), "{error:?}");
+}
+
+#[test]
 fn groups_that_links_multiply_are_refused_in_time() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.h5");
