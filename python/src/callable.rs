@@ -268,7 +268,7 @@ fn matched_points(answer: &Bound<'_, PyAny>) -> PyResult<MatchedPoints> {
     let parts: Option<Vec<Bound<'_, PyAny>>> = few(answer, "answer", 3).ok();
     let (a, b, ambiguity) = match parts.as_deref() {
         Some([a, b]) => (a, b, None),
-        Some([a, b, ambiguity]) => (a, b, Some(ambiguity)),
+        Some([a, b, ambiguity]) => (a, b, (!ambiguity.is_none()).then_some(ambiguity)),
         _ => {
             return Err(PyTypeError::new_err(format!(
                 "a matcher returns (points_a, points_b) or (points_a, points_b, ambiguity), m x 2 each and \

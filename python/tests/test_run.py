@@ -537,6 +537,16 @@ def test_parameters_are_given_in_one_place(dataset, tmp_path):
             mb.run(dataset, matcher, estimator, out=tmp_path / "run", settings=setting, progress=False)
 
 
+def test_none_is_no_ambiguity(dataset, tmp_path):
+    def certain(a, b):
+        return *by_orb(a, b)[:2], None
+
+    run = mb.run(dataset, certain, "best", out=tmp_path / "run", limit=1, progress=False)
+    assert run.failed == 0
+    (kept,) = stored_matches(run.path / "matches" / dataset.name / "certain.bin").values()
+    assert len(kept) > 0 and (kept[:, 4] == 0.5).all(), "as of a matcher that returns none"
+
+
 def test_what_python_code_must_not_do_is_refused_or_fails_its_pairs(dataset, tmp_path):
     def start(matcher, out, **options):
         return mb.run(dataset, ["orb", matcher], ["best"], out=tmp_path / out, limit=1, progress=False, **options)
