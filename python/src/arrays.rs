@@ -24,6 +24,7 @@ use crate::errors::value_error;
 /// # Errors
 /// If it is anything else, or larger than an image in a file may be.
 pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
+    refuse_masked(value, "image")?;
     if let Ok(gray) = value.cast::<PyArray2<u8>>() {
         let gray = gray.try_readonly()?;
         let [height, width] = *gray.shape() else {
@@ -223,11 +224,27 @@ fn numbers<'py>(
     name: &str,
     expected: &str,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
+    refuse_masked(value, name)?;
     let array = array_or(value, || refused(value, name, expected))?;
     match array.dtype().kind() {
         b'b' | b'f' | b'i' | b'u' | b'O' => Ok(array),
         _ => Err(refused(value, name, expected)),
     }
+}
+
+/// Refuses a masked array of numpy, unless nothing in it is masked: the mask would be lost.
+fn refuse_masked(value: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
+    // Most values are plain arrays, which have no mask.
+    if value.cast_exact::<PyUntypedArray>().is_ok() {
+        return Ok(());
+    }
+    let numpy = value.py().import("numpy.ma")?;
+    if numpy.call_method1("is_masked", (value,))?.is_truthy()? {
+        return Err(value_error(format!(
+            "`{name}` has masked elements, which would be taken for values; leave them out, or fill them by .filled(value)"
+        )));
+    }
+    Ok(())
 }
 
 /// The value as an array, or the refusal, see [`refusal_of`].
@@ -323,6 +340,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 /// If it is anything else, or contains a number that is not finite.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
+    refuse_masked(value, "descriptors")?;
     // Anything else than an array is refused below, in words.
     let value = &match value.cast::<PyUntypedArray>() {
         Ok(array) => aligned(array)?,

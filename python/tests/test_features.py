@@ -139,6 +139,22 @@ def test_the_conversion_that_is_told_keeps_order(image):
     mb.SIFT().extract(made)
 
 
+def test_masked_elements_are_not_taken_for_values(images, features):
+    one = features[0]
+    masked = [np.ma.masked_array(array, np.arange(array.size).reshape(array.shape) == 3) for array in
+              (images[0], one.keypoints, one.descriptors, one.sizes)]  # fmt: skip
+    for name, call in [
+        ("image", lambda: mb.SIFT().extract(masked[0])),
+        ("keypoints", lambda: mb.Features.from_arrays(masked[1], one.descriptors, one.image_size)),
+        ("descriptors", lambda: mb.Features.from_arrays(one.keypoints, masked[2], one.image_size)),
+        ("sizes", lambda: mb.Features.from_arrays(one.keypoints, one.descriptors, one.image_size, sizes=masked[3])),
+    ]:
+        with pytest.raises(ValueError, match=f"^`{name}` has masked elements, .*; leave them out, or fill them"):
+            call()
+    same = mb.SIFT().extract(np.ma.masked_array(images[0]))  # nothing is masked
+    assert np.array_equal(same.keypoints, one.keypoints)
+
+
 def test_an_image_without_content_has_no_features():
     for shape in [(0, 0), (1, 1), (90, 120)]:
         found = mb.SIFT().extract(np.zeros(shape, np.uint8))
