@@ -15,7 +15,7 @@ use crate::arrays::matrix;
 use crate::camera::Camera;
 use crate::detached::detached;
 use crate::errors::{error, value_error};
-use crate::integers::{index, whole};
+use crate::integers::{index, whole, width_and_height};
 use crate::pickled::{Reduced, by_method};
 
 /// Images with known cameras, and pairs of them with their true relative pose. A pickle holds only the path of the
@@ -249,6 +249,13 @@ pub(crate) fn write_dataset(
     })?
 }
 
+fn size(value: &Bound<'_, PyAny>) -> PyResult<Option<(usize, usize)>> {
+    let given = (!value.is_none()).then_some(value);
+    given
+        .map(|given| width_and_height(given, "size"))
+        .transpose()
+}
+
 /// Renders a scene if it does not exist yet; returns the folder of its dataset.
 #[pyfunction]
 pub(crate) fn rendered_scene(
@@ -256,7 +263,7 @@ pub(crate) fn rendered_scene(
     name: &str,
     cache: PathBuf,
     #[pyo3(from_py_with = whole)] frames: Option<u32>,
-    #[pyo3(from_py_with = whole)] size: Option<(usize, usize)>,
+    #[pyo3(from_py_with = size)] size: Option<(usize, usize)>,
 ) -> PyResult<PathBuf> {
     let scenes = rendered::scenes();
     let scene = scenes.iter().find(|scene| scene.name == name);

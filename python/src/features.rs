@@ -17,7 +17,7 @@ use crate::arrays::{
 };
 use crate::camera::Origin;
 use crate::detached::detached;
-use crate::integers::whole;
+use crate::integers::{whole, width_and_height};
 use crate::pickled::{Reduced, by_method};
 
 /// Keypoints of an image and their descriptors: row i of every array is feature i. The arrays are read-only; copy
@@ -76,14 +76,8 @@ impl Features {
     }
 }
 
-/// Width and height of an image. Many give the shape of its array.
-fn width_and_height(value: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
-    if let Ok(3) = value.len() {
-        return Err(PyValueError::new_err(
-            "image_size is (width, height), and not the shape of an image, which is (height, width, 3)",
-        ));
-    }
-    whole(value)
+fn image_size(value: &Bound<'_, PyAny>) -> PyResult<(usize, usize)> {
+    width_and_height(value, "image_size")
 }
 
 /// Refuses keypoints outside their image.
@@ -167,7 +161,7 @@ impl Features {
     fn from_arrays(
         keypoints: &Bound<'_, PyAny>,
         descriptors: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = width_and_height)] image_size: (usize, usize),
+        #[pyo3(from_py_with = image_size)] image_size: (usize, usize),
         sizes: Option<Bound<'_, PyAny>>,
         angles: Option<Bound<'_, PyAny>>,
         responses: Option<Bound<'_, PyAny>>,

@@ -356,6 +356,27 @@ def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
         mb.Features.from_arrays(image_size=(10, 10), **arrays)
 
 
+def test_sides_of_an_image_may_be_a_list_or_an_array(features):
+    one = features[0]
+
+    def of_size(size):
+        return mb.Features.from_arrays(one.keypoints, one.descriptors, size)
+
+    for size in [[320, 240], np.array([320, 240]), np.array([320, 240], np.uint16), (np.int32(320), 240)]:
+        assert of_size(size).image_size == (320, 240)
+    for wrong, this in [
+        ((320.0, 240.0), "a tuple of 2 values"),
+        (one.to_dict()["image_size"], r"an array of float32 with shape \[2\]"),
+        ((320,), "a tuple of 1 value"),
+        (320, "a value of type int"),
+        (None, "a value of type NoneType"),
+    ]:
+        with pytest.raises(TypeError, match=rf"^image_size is \(width, height\), two whole numbers; this is {this}"):
+            of_size(wrong)
+    with pytest.raises(ValueError, match="negative"):
+        of_size([-1, 5])
+
+
 def test_angles_are_radians_and_not_opencvs_degrees():
     def made(angles):
         arrays = np.zeros((len(angles), 2)), np.zeros((len(angles), 8), np.float32)

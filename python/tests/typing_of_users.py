@@ -17,6 +17,12 @@ def pose_of(path_a: str, path_b: str) -> NDArray[np.float64]:
     return pose.R
 
 
+def of_colmap(params: NDArray[np.float64], keypoints: NDArray[np.float32], descriptors: NDArray[np.float32]) -> mb.Features:
+    camera = mb.Camera.from_model("SIMPLE_RADIAL", params, origin="corner")
+    assert camera.fx > 0
+    return mb.Features.from_arrays(keypoints, descriptors, [640, 480], origin="corner")
+
+
 def table(folder: str) -> mb.Scores:
     run = mb.run(folder, ["sift", mb.matcher("orb")], [mb.estimator("best", threshold_px=1)], out="run")
     again = mb.run(folder, "sift", "best", out="run", settings="sift.ratio=0.7")

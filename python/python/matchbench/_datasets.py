@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ._native import Camera, Dataset
 from ._native import import_dataset as native_import
@@ -128,7 +128,11 @@ def _pairs(given: Any, count: int) -> list[tuple[int, int]]:
 
 
 def rendered_scene(
-    name: str, folder: _Path, *, frames: int | None = None, size: tuple[int, int] | None = None
+    name: str,
+    folder: _Path,
+    *,
+    frames: int | None = None,
+    size: Sequence[int] | NDArray[np.integer[Any]] | None = None,
 ) -> Dataset:
     """A scene with exact poses, rendered into `folder` if it does not exist yet. It does not replace your own images.
     With `frames`, only the first so many frames are rendered. `size` is (width, height)."""

@@ -52,7 +52,7 @@ class Camera:
     ) -> Camera:
         """A camera, given by its calibration matrix K, 3 x 3: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."""
     @staticmethod
-    def from_model(model: str, params: Sequence[float], *, origin: str) -> Camera:
+    def from_model(model: str, params: Sequence[float] | NDArray[np.floating[Any]], *, origin: str) -> Camera:
         """A camera, given by the name of its model in COLMAP and PoseLib: SIMPLE_PINHOLE, PINHOLE,
         SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV where k4, k5 and k6 are 0, SIMPLE_FISHEYE, FISHEYE,
         SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE or OPENCV_FISHEYE."""
@@ -87,7 +87,7 @@ class Features:
     def from_arrays(
         keypoints: ArrayLike,
         descriptors: NDArray[np.float32] | NDArray[np.uint8],
-        image_size: tuple[int, int],
+        image_size: Sequence[int] | NDArray[np.integer[Any]],
         *,
         sizes: ArrayLike | None = None,
         angles: ArrayLike | None = None,
@@ -347,7 +347,9 @@ def write_dataset(
     property: str,
     store: str,
 ) -> None: ...
-def rendered_scene(name: str, cache: _Path, frames: int | None, size: tuple[int, int] | None) -> Path: ...
+def rendered_scene(
+    name: str, cache: _Path, frames: int | None, size: Sequence[int] | NDArray[np.integer[Any]] | None
+) -> Path: ...
 def read_gray(path: _Path) -> NDArray[np.uint8]:
     """The image in a file as height x width, grey, decoded as in every command."""
 
