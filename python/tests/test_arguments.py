@@ -79,6 +79,12 @@ def test_an_empty_path_is_not_the_working_folder(dataset, command_line_run, tmp_
     refused(lambda: mb.report(command_line_run, bundle=""), "bundle: an empty text; give the path of a file", kind=ValueError)
     refused(lambda: mb.evaluate(""), "run: an empty text; give a Run or the path of its folder", kind=ValueError)
     refused(lambda: mb.MatchesFrom("one", ""), "files: an empty text; give a path, or a list of paths", kind=ValueError)
+    camera, poses = dataset.camera(0), [np.eye(4)] * len(dataset)
+    new = "an empty text; give the path of the new folder"
+    refused(lambda: mb.rendered_scene("cabinet", ""), "folder: an empty text; give the path of a folder", kind=ValueError)
+    refused(lambda: mb.import_dataset("folder", dataset.path, ""), f"out: {new}", kind=ValueError)
+    refused(lambda: mb.import_dataset("folder", "", "out"), "source: an empty text; give a path", kind=ValueError)
+    refused(lambda: mb.write_dataset("", dataset.images, camera, poses), f"out: {new}", kind=ValueError)
     assert not list(tmp_path.iterdir())
 
 

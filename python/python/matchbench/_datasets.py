@@ -40,10 +40,11 @@ def import_dataset(
     in each line. `property` says in a few words what the images show, for the report. Whatever you should know about the
     dataset is given as a warning."""
     rule = None if pairs is None else text("pairs", pairs, 'a rule as text, such as "all" or "list:pairs.txt"')
+    folder = path("out", out, "the path of the new folder")
     notes = native_import(
         kind,
-        source,
-        out,
+        path("source", source),
+        folder,
         rule,
         sequence,
         sensor,
@@ -58,7 +59,7 @@ def import_dataset(
     )
     for note in notes:
         warnings.warn(note, stacklevel=2)
-    return Dataset.open(out)
+    return Dataset.open(folder)
 
 
 def write_dataset(
@@ -93,8 +94,9 @@ def write_dataset(
     frames = list(zip(files, taken, _poses(world_from_camera, count), strict=True))
     chosen = pairs if isinstance(pairs, str) else _pairs(pairs, count)
     about = (text("origin", origin, "a line of text"), text("property", property, "a few words"))
-    native_write(out, frames, chosen, *about, text("store", store, '"reference", "link" or "copy"'))
-    return Dataset.open(out)
+    folder = path("out", out, "the path of the new folder")
+    native_write(folder, frames, chosen, *about, text("store", store, '"reference", "link" or "copy"'))
+    return Dataset.open(folder)
 
 
 def _poses(given: Any, count: int) -> list[list[float]]:
@@ -136,4 +138,4 @@ def rendered_scene(
 ) -> Dataset:
     """A scene with exact poses, rendered into `folder` if it does not exist yet. It does not replace your own images.
     With `frames`, only the first so many frames are rendered. `size` is (width, height)."""
-    return Dataset.open(native_scene(name, folder, frames, size))
+    return Dataset.open(native_scene(name, path("folder", folder, "the path of a folder"), frames, size))
