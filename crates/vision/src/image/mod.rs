@@ -118,11 +118,17 @@ impl<T> Image<T> {
     }
 
     /// Row `y`, from left to right.
+    ///
+    /// # Panics
+    /// If there is no such row.
     pub fn row(&self, y: usize) -> &[T] {
         &self.data[y * self.size.width..][..self.size.width]
     }
 
     /// Row `y`, to be written.
+    ///
+    /// # Panics
+    /// If there is no such row.
     pub fn row_mut(&mut self, y: usize) -> &mut [T] {
         &mut self.data[y * self.size.width..][..self.size.width]
     }
@@ -146,6 +152,10 @@ impl<T: Copy> Image<T> {
     }
 
     /// The pixel in column `x` and row `y`.
+    ///
+    /// # Panics
+    /// If there is no such row. If there is no such column it panics with debug assertions; without them this is a pixel
+    /// of a later row, if there is one.
     #[inline]
     pub fn at(&self, x: usize, y: usize) -> T {
         debug_assert!(x < self.size.width, "column {x} of {}", self.size);
@@ -153,6 +163,9 @@ impl<T: Copy> Image<T> {
     }
 
     /// Writes the pixel in column `x` and row `y`.
+    ///
+    /// # Panics
+    /// As [`Self::at`] does.
     #[inline]
     pub fn set(&mut self, x: usize, y: usize, value: T) {
         debug_assert!(x < self.size.width, "column {x} of {}", self.size);
