@@ -83,3 +83,62 @@ pub(super) fn patch_radius(size: Size, scale: f32) -> usize {
     let reach = (CELL_WIDTH * scale * SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round_ties_even();
     reach.min((size.width + size.height) as f32) as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::patch::plain;
+    use super::*;
+
+    /// Section 6: gradients turned with the keypoint, by a Gaussian of half the width of the grid, each shared out to the
+    /// nearest cells and directions.
+    #[test]
+    fn sums_are_those_of_the_turned_grid() {
+        let layer = plain::noise();
+        for (x, y, scale, angle) in [
+            (30.2, 24.6, 1.7, 0.0_f32),
+            (29.7, 25.1, 1.3, 0.7),
+            (8.0, 41.9, 2.1, 4.0),
+        ] {
+            let sums = PatchDescriber::default().sums(&layer, Point2::new(x, y), scale, angle);
+            let cell = f64::from(CELL_WIDTH * scale);
+            let (sin, cos) = libm::sincos(f64::from(angle));
+            let pixel = [x, y].map(|v: f32| v.round() as i32);
+            let mut expected = [0.0; LENGTH];
+            for gradient in plain::gradients(&layer, pixel, 30, 2.0 * cell) {
+                let [dx, dy] = gradient.offset;
+                let column = (dx * cos + dy * sin) / cell + 1.5;
+                let row = (dy * cos - dx * sin) / cell + 1.5;
+                // From x towards y is downwards.
+                let direction = 8.0 * (gradient.turns + f64::from(angle / TAU));
+                for (i, sum) in expected.iter_mut().enumerate() {
+                    let [i, j, bin] = [i / 32, i / 8 % 4, i % 8].map(|v| v as f64);
+                    let apart = (direction - bin).rem_euclid(8.0);
+                    let shares = [row - i, column - j, apart.min(8.0 - apart)];
+                    let share = shares.map(|apart| (1.0 - apart.abs()).max(0.0));
+                    *sum += gradient.value * share.iter().product::<f64>();
+                }
+            }
+            let most = expected.iter().copied().fold(0.0, f64::max);
+            for (found, expected) in sums.iter().zip(expected) {
+                let difference = (f64::from(*found) - expected).abs();
+                assert!(difference < 1e-3 * most, "{found}, not {expected}");
+            }
+        }
+    }
+
+    /// Section 6.1: no value is more than 0.2 of the norm. Sixteen of 1 and one of 3 have the norm 5.
+    #[test]
+    fn one_strong_gradient_counts_no_more_than_a_fifth_of_all() {
+        let mut sums = [0.0; LENGTH];
+        sums[..16].fill(1.0);
+        sums[100] = 3.0;
+        let bytes = normalized(&sums);
+        let each = (512.0 / libm::sqrt(17.0)).round() as u8;
+        assert!(
+            bytes[..16]
+                .iter()
+                .chain(&bytes[100..=100])
+                .all(|&byte| byte == each)
+        );
+    }
+}

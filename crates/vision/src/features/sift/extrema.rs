@@ -142,7 +142,7 @@ impl Fit<'_> {
             let derivatives = derivatives(&cube);
             let offset = -solve(&derivatives.hessian, &derivatives.gradient);
             if offset.iter().all(|v| v.abs() < 0.5) {
-                return self.accept([x, y], layer, &derivatives, &offset);
+                return accepted(self.params, [x, y], layer, &derivatives, &offset);
             }
             for (v, step) in place.iter_mut().zip(&offset) {
                 *v = v.saturating_add(step.round_ties_even() as i32);
@@ -166,40 +166,6 @@ impl Fit<'_> {
             && within(y, start[1], size.height)
     }
 
-    fn accept(
-        &self,
-        [x, y]: [usize; 2],
-        layer: usize,
-        derivatives: &Derivatives,
-        offset: &Vector3<f32>,
-    ) -> Option<Extremum> {
-        let Derivatives {
-            value,
-            gradient,
-            hessian,
-        } = derivatives;
-        let layers = self.params.octave_layers as f32;
-        let contrast = (value + 0.5 * gradient.dot(offset)).abs();
-        if contrast * layers < self.params.contrast_threshold {
-            return None;
-        }
-        // The ratio of the principal curvatures, section 4.1.
-        let trace = hessian[(0, 0)] + hessian[(1, 1)];
-        let determinant = hessian[(0, 0)] * hessian[(1, 1)] - hessian[(0, 1)] * hessian[(0, 1)];
-        let r = self.params.edge_threshold;
-        if determinant <= 0.0 || trace * trace * r >= (r + 1.0) * (r + 1.0) * determinant {
-            return None;
-        }
-        let exponent = (layer as f32 + offset.z) / layers;
-        Some(Extremum {
-            layer,
-            pixel: [x, y],
-            at: Point2::new(x as f32 + offset.x, y as f32 + offset.y),
-            scale: self.params.sigma as f32 * libm::exp2f(exponent),
-            response: contrast,
-        })
-    }
-
     fn cube(&self, layer: usize, x: usize, y: usize) -> Cube {
         let mut cube = [[[0.0; 3]; 3]; 4];
         let layers = &self.strip.layers()[layer - 1..];
@@ -214,6 +180,41 @@ impl Fit<'_> {
         }
         Cube(cube)
     }
+}
+
+/// The extremum that was fitted, unless its contrast is low or it lies on an edge.
+fn accepted(
+    params: &SiftParams,
+    [x, y]: [usize; 2],
+    layer: usize,
+    derivatives: &Derivatives,
+    offset: &Vector3<f32>,
+) -> Option<Extremum> {
+    let Derivatives {
+        value,
+        gradient,
+        hessian,
+    } = derivatives;
+    let layers = params.octave_layers as f32;
+    let contrast = (value + 0.5 * gradient.dot(offset)).abs();
+    if contrast * layers < params.contrast_threshold {
+        return None;
+    }
+    // The ratio of the principal curvatures, section 4.1.
+    let trace = hessian[(0, 0)] + hessian[(1, 1)];
+    let determinant = hessian[(0, 0)] * hessian[(1, 1)] - hessian[(0, 1)] * hessian[(0, 1)];
+    let r = params.edge_threshold;
+    if determinant <= 0.0 || trace * trace * r >= (r + 1.0) * (r + 1.0) * determinant {
+        return None;
+    }
+    let exponent = (layer as f32 + offset.z) / layers;
+    Some(Extremum {
+        layer,
+        pixel: [x, y],
+        at: Point2::new(x as f32 + offset.x, y as f32 + offset.y),
+        scale: params.sigma as f32 * libm::exp2f(exponent),
+        response: contrast,
+    })
 }
 
 /// The derivatives at the place in the middle.
@@ -255,4 +256,90 @@ fn solve(matrix: &Matrix3<f32>, right: &Vector3<f32>) -> Vector3<f32> {
         right.dot(&c.cross(&a)),
         right.dot(&a.cross(&b)),
     ) * scale
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn params() -> SiftParams {
+        SiftParams {
+            contrast_threshold: 0.03,
+            edge_threshold: 10.0,
+            octave_layers: 3,
+            ..SiftParams::default()
+        }
+    }
+
+    /// A round blob of this contrast.
+    fn blob(value: f32) -> Derivatives {
+        Derivatives {
+            value,
+            gradient: Vector3::zeros(),
+            hessian: Matrix3::from_diagonal(&Vector3::new(-1.0, -1.0, -2.0)),
+        }
+    }
+
+    /// Section 4.1: the ratio of the principal curvatures, in whatever direction these are.
+    #[test]
+    fn places_on_edges_are_left_out() {
+        for turn in [0.0, 0.5, 0.8, 1.6_f32] {
+            let (sin, cos) = libm::sincosf(turn);
+            let turned = nalgebra::Matrix2::new(cos, -sin, sin, cos);
+            let is_kept = |across: f32, along: f32| {
+                let curved = nalgebra::Matrix2::new(across, 0.0, 0.0, along);
+                let mut derivatives = blob(0.1);
+                let curved = turned * curved * turned.transpose();
+                derivatives
+                    .hessian
+                    .fixed_view_mut::<2, 2>(0, 0)
+                    .copy_from(&curved);
+                accepted(&params(), [9, 9], 1, &derivatives, &Vector3::zeros()).is_some()
+            };
+            for sign in [-1.0, 1.0] {
+                assert!(
+                    is_kept(sign, sign) && is_kept(sign * 9.9, sign) && is_kept(sign, sign * 9.9)
+                );
+                assert!(
+                    !is_kept(sign * 10.1, sign) && !is_kept(sign, sign * 10.1),
+                    "{turn}"
+                );
+                assert!(
+                    !is_kept(sign, -sign) && !is_kept(sign * 2.0, -sign),
+                    "a saddle"
+                );
+                assert!(!is_kept(sign, 0.0));
+            }
+        }
+    }
+
+    /// Equation 3: the value at the fitted place is that at the pixel and half of what the gradient adds on the way.
+    #[test]
+    fn the_contrast_is_that_at_the_fitted_place() {
+        let offset = Vector3::new(0.25, -0.5, 0.1);
+        // The gradient adds 0.02 on the way to the place.
+        let gradient = Vector3::new(0.04, -0.012, 0.04);
+        for sign in [-1.0, 1.0] {
+            let fitted = |value: f32, added: f32| {
+                let derivatives = Derivatives {
+                    gradient: sign * added * gradient,
+                    ..blob(sign * value)
+                };
+                accepted(&params(), [20, 30], 2, &derivatives, &offset)
+            };
+            // A threshold of 0.03 for an octave is one of 0.01 for each of its three layers.
+            assert!(fitted(0.0099, 0.0).is_none() && fitted(0.0101, 0.0).is_some());
+            assert!(fitted(0.0049, 0.5).is_none() && fitted(0.0051, 0.5).is_some());
+            assert!(fitted(0.0149, -0.5).is_none() && fitted(0.0151, -0.5).is_some());
+            let found = fitted(0.02, 1.0).expect("of high contrast");
+            assert!((found.response - 0.03).abs() < 1e-6, "{found:?}");
+            assert_eq!((found.layer, found.pixel), (2, [20, 30]));
+            assert_eq!(found.at, Point2::new(20.25, 29.5));
+            let scale = params().sigma * libm::exp2(2.1 / 3.0);
+            assert!(
+                (f64::from(found.scale) / scale - 1.0).abs() < 1e-6,
+                "{found:?}"
+            );
+        }
+    }
 }

@@ -30,13 +30,8 @@ impl Orientations {
         scale: f32,
     ) -> &[f32] {
         let histogram = self.histogram(layer, pixel, scale);
-        let highest = histogram.iter().copied().fold(0.0, f32::max);
         self.peaks.clear();
-        for bin in 0..BINS {
-            if is_peak(&histogram, bin) && histogram[bin] >= PEAK_RATIO * highest {
-                self.peaks.push(peak_angle(&histogram, bin));
-            }
-        }
+        self.peaks.extend(peaks(&histogram));
         &self.peaks
     }
 
@@ -67,10 +62,7 @@ impl Orientations {
             |_, columns| columns.fill([-radius, radius]),
             |window, gradients| add_directions(window, gradients, &mut raw),
         );
-        std::array::from_fn(|i| {
-            let at = |offset: usize| raw[(i + BINS + offset - 2) % BINS];
-            ((at(0) + at(4)) * 1.0 + (at(1) + at(3)) * 4.0 + at(2) * 6.0) / 16.0
-        })
+        smoothed(&raw)
     }
 }
 
@@ -79,6 +71,22 @@ impl Orientations {
 pub(super) fn window_radius(size: Size, scale: f32) -> usize {
     let longest = size.width.max(size.height) as f32;
     (RADIUS * scale).round_ties_even().min(longest) as usize
+}
+
+/// Weighted by the binomial coefficients of four.
+fn smoothed(raw: &[f32; BINS]) -> [f32; BINS] {
+    std::array::from_fn(|i| {
+        let at = |offset: usize| raw[(i + BINS + offset - 2) % BINS];
+        ((at(0) + at(4)) * 1.0 + (at(1) + at(3)) * 4.0 + at(2) * 6.0) / 16.0
+    })
+}
+
+/// The angles of all peaks that are nearly as high as the highest.
+fn peaks(histogram: &[f32; BINS]) -> impl Iterator<Item = f32> {
+    let highest = histogram.iter().copied().fold(0.0, f32::max);
+    (0..BINS)
+        .filter(move |&bin| is_peak(histogram, bin) && histogram[bin] >= PEAK_RATIO * highest)
+        .map(|bin| peak_angle(histogram, bin))
 }
 
 fn neighbours(histogram: &[f32; BINS], bin: usize) -> (f32, f32) {
@@ -104,7 +112,66 @@ fn peak_angle(histogram: &[f32; BINS], bin: usize) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::patch::plain;
     use super::*;
+
+    /// Section 5: gradients of the blurred image, by a Gaussian of 1.5 scales, in 36 bins.
+    #[test]
+    fn the_histogram_is_that_of_the_weighted_gradients_around() {
+        let layer = plain::noise();
+        for (pixel, scale, radius) in [([30, 25], 2.0, 9), ([3, 40], 1.6, 7), ([50, 5], 3.1, 14)] {
+            let found = Orientations::default().histogram(&layer, pixel, scale);
+            let around = pixel.map(|v| v as i32);
+            let mut raw = [0.0; BINS];
+            for gradient in plain::gradients(&layer, around, radius, 1.5 * f64::from(scale)) {
+                raw[(36.0 * gradient.turns).round() as usize % BINS] += gradient.value as f32;
+            }
+            let expected = smoothed(&raw);
+            let most = expected.iter().copied().fold(0.0, f32::max);
+            // Directions are rounded, so some gradient may fall into the next bin.
+            for (found, expected) in found.iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() < 0.03 * most,
+                    "{found}, not {expected}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_strongest_direction_is_that_of_the_highest_peak() {
+        let (layer, mut orientations) = (plain::noise(), Orientations::default());
+        for pixel in [[30, 25], [12, 40], [45, 20]] {
+            let histogram = orientations.histogram(&layer, pixel, 2.0);
+            let higher = |&i: &usize, &j: &usize| histogram[i].total_cmp(&histogram[j]);
+            let highest = (0..BINS).max_by(higher).expect("there are bins");
+            let found = orientations.strongest(&layer, pixel, 2.0);
+            assert_eq!(found, peak_angle(&histogram, highest));
+        }
+    }
+
+    #[test]
+    fn a_direction_is_spread_over_two_bins_to_each_side() {
+        let mut raw = [0.0; BINS];
+        raw[1] = 16.0;
+        let mut expected = [0.0; BINS];
+        for (bin, share) in [(35, 1.0), (0, 4.0), (1, 6.0), (2, 4.0), (3, 1.0)] {
+            expected[bin] = share;
+        }
+        assert_eq!(smoothed(&raw), expected);
+    }
+
+    /// "Any other local peak that is within 80% of the highest peak."
+    #[test]
+    fn peaks_of_four_fifths_of_the_highest_count_and_shoulders_do_not() {
+        let mut histogram = [0.0; BINS];
+        for (bin, value) in [(3, 10.0), (12, 8.0), (20, 7.9), (27, 9.0), (28, 9.0)] {
+            histogram[bin] = value;
+        }
+        let degrees: Vec<f32> = peaks(&histogram).map(f32::to_degrees).collect();
+        assert_eq!(degrees.len(), 2, "{degrees:?}");
+        assert!((degrees[0] - 330.0).abs() < 1e-3 && (degrees[1] - 240.0).abs() < 1e-3);
+    }
 
     #[test]
     fn the_top_of_a_parabola_is_found_across_the_seam() {

@@ -82,3 +82,62 @@ impl Patch {
         each(&window, &mut self.gradients);
     }
 }
+
+/// Gradients as the paper has them, which kernels are compared with.
+#[cfg(test)]
+pub(super) mod plain {
+    use core::f64::consts::TAU;
+
+    use crate::image::{RowBuffer, Size};
+    use crate::seed::Seed;
+
+    /// The gradient of a pixel.
+    pub(in super::super) struct Gradient {
+        /// Where it is from the middle.
+        pub(in super::super) offset: [f64; 2],
+        /// Its direction upwards from x, in turns from 0 to 1.
+        pub(in super::super) turns: f64,
+        /// Its magnitude times its weight.
+        pub(in super::super) value: f64,
+    }
+
+    /// A layer of noise.
+    pub(in super::super) fn noise() -> RowBuffer {
+        let mut rng = Seed(3).rng();
+        let mut layer = RowBuffer::whole(Size::new(60, 50));
+        while !layer.is_complete() {
+            for row in layer.append(1) {
+                row.fill_with(|| 255.0 * rng.uniform() as f32);
+            }
+        }
+        layer
+    }
+
+    /// All gradients of a square about a pixel, weighted by a Gaussian; pixels on the border have none.
+    pub(in super::super) fn gradients(
+        layer: &RowBuffer,
+        [x, y]: [i32; 2],
+        radius: i32,
+        deviation: f64,
+    ) -> Vec<Gradient> {
+        let Size { width, height } = layer.size();
+        let at = |x: i32, y: i32| f64::from(layer.row(y as usize)[x as usize]);
+        let gradient = |dx: i32, dy: i32| {
+            let (x, y) = (x + dx, y + dy);
+            let is_inside = x > 0 && y > 0 && x < width as i32 - 1 && y < height as i32 - 1;
+            is_inside.then(|| {
+                let (right, up) = (at(x + 1, y) - at(x - 1, y), at(x, y - 1) - at(x, y + 1));
+                let squared = f64::from(dx * dx + dy * dy);
+                let weight = libm::exp(-squared / (2.0 * deviation * deviation));
+                Gradient {
+                    offset: [dx, dy].map(f64::from),
+                    turns: (libm::atan2(up, right) / TAU).rem_euclid(1.0),
+                    value: weight * libm::hypot(right, up),
+                }
+            })
+        };
+        let offsets = || -radius..=radius;
+        let square = offsets().flat_map(|dy| offsets().map(move |dx| (dx, dy)));
+        square.filter_map(|(dx, dy)| gradient(dx, dy)).collect()
+    }
+}

@@ -278,6 +278,32 @@ mod tests {
         );
     }
 
+    /// Where a keypoint is so large that a halved image is read, the same number of samples is too.
+    #[test]
+    fn a_patch_that_is_enlarged_has_the_same_descriptor() {
+        let image = blocks();
+        let features = surf(SurfParams::default()).extract(&image);
+        let Size { width, height } = image.size();
+        for factor in [4, 16] {
+            let size = Size::new(factor * width, factor * height);
+            let enlarged = GrayImage::from_fn(size, |x, y| image.at(x / factor, y / factor));
+            let mut describer = Describer::new(&enlarged);
+            for (i, keypoint) in features.keypoints.iter().enumerate() {
+                let factor = factor as f32;
+                let larger = Keypoint {
+                    at: keypoint.at.map(|v| (v + 0.5) * factor - 0.5),
+                    size: factor * keypoint.size,
+                    ..*keypoint
+                };
+                let mut found = Vec::new();
+                describer.describe(&larger, false, &mut found);
+                let pairs = found.iter().zip(values(&features).row(i));
+                let squared: f32 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+                assert!(squared.sqrt() < 0.2, "{keypoint:?} x {factor}: {squared}");
+            }
+        }
+    }
+
     #[test]
     fn odd_images_are_fine() {
         for (octaves, layers, extended, upright) in [
