@@ -111,7 +111,7 @@ impl Matcher for Pipeline {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{Descriptors, Orb, OrbParams};
+    use crate::features::{BinaryRows, Descriptors, FloatRows, Orb, OrbParams};
     use crate::matching::{Kvld, KvldParams, MutualCheck};
 
     fn of_orb(selector: Box<dyn Selector>) -> Pipeline {
@@ -155,11 +155,93 @@ mod tests {
             distance: 0.0,
             second: 1.0,
         }];
-        assert!(pipeline.select(view, view, unknown, Seed(0)).is_err());
+        let refused = pipeline.select(view, view, unknown.clone(), Seed(0));
+        assert!(refused.is_err());
+        // Of one image it is known, of the other it is not.
+        let row = BinaryRows::from_vec(256, vec![0; 4]);
+        let one = Features::of_descriptors(Descriptors::Binary(row));
+        let some = View {
+            features: &one,
+            ..view
+        };
+        for [a, b] in [[some, view], [view, some]] {
+            let refused = pipeline.select(a, b, unknown.clone(), Seed(0));
+            assert!(refused.is_err_and(|error| error.to_string().contains("does not exist")));
+        }
         let kvld = of_orb(Box::new(
             Kvld::new(KvldParams::default()).expect("defaults"),
         ));
-        let refused = kvld.select(view, view, Vec::new(), Seed(0));
-        assert!(refused.is_err_and(|error| error.to_string().contains("pixels")));
+        let pixels = GrayImage::filled(Size::new(20, 20), 0);
+        let seen = View {
+            image: Some(&pixels),
+            ..view
+        };
+        for [a, b] in [[view, view], [seen, view], [view, seen]] {
+            let refused = kvld.select(a, b, Vec::new(), Seed(0));
+            assert!(refused.is_err_and(|error| error.to_string().contains("pixels")));
+        }
+        assert!(kvld.select(seen, seen, Vec::new(), Seed(0)).is_ok());
+    }
+
+    #[test]
+    fn selectors_get_the_images_in_their_order() {
+        let features = |values: &[f32]| {
+            let rows = FloatRows::from_vec(1, values.to_vec());
+            Features::of_descriptors(Descriptors::Float(rows))
+        };
+        // The first of b is nearest to both of a, and the second of a to it.
+        let (a, b) = (features(&[5.0, 0.1]), features(&[0.2, 50.0]));
+        let [view_a, view_b] = [&a, &b].map(|features| View {
+            features,
+            image: None,
+            camera: None,
+        });
+        let pipeline = of_orb(Box::new(MutualCheck));
+        let putative = pipeline.search(&a, &b).expect("of one kind");
+        let kept = pipeline.select(view_a, view_b, putative, Seed(0));
+        let kept = kept.expect("it needs no pixels");
+        assert_eq!(
+            kept.iter().map(|m| (m.a, m.b)).collect::<Vec<_>>(),
+            [(1, 0)]
+        );
+    }
+
+    /// A search that says what it was asked for: how many features, and which ratio, 0 for none.
+    struct Echo;
+
+    impl Search for Echo {
+        fn search(&self, a: &Features, b: &Features) -> Correspondences {
+            self.search_below(a, b, 0.0)
+        }
+
+        fn search_below(&self, a: &Features, b: &Features, ratio: f32) -> Correspondences {
+            let [a, b] = [a, b].map(|features| features.len() as u32);
+            vec![Correspondence {
+                a,
+                b,
+                distance: ratio,
+                second: 1.0,
+            }]
+        }
+    }
+
+    #[test]
+    fn only_a_ratio_that_comes_first_spares_the_search() {
+        let none = nothing(DescriptorKind::Float { dim: 1 });
+        let two =
+            Features::of_descriptors(Descriptors::Float(FloatRows::from_vec(1, vec![0.0; 2])));
+        let ratio = || -> Box<dyn Selector> { Box::new(RatioTest::new(0.7).expect("in range")) };
+        let mutual = || -> Box<dyn Selector> { Box::new(MutualCheck) };
+        for (selectors, expected) in [
+            (vec![], 0.0),
+            (vec![ratio()], 0.7),
+            (vec![ratio(), mutual()], 0.7),
+            (vec![mutual(), ratio()], 0.0),
+        ] {
+            let mut pipeline = of_orb(mutual());
+            (pipeline.search, pipeline.selectors) = (Box::new(Echo), selectors);
+            let asked = pipeline.search(&two, &none).expect("of one kind")[0];
+            assert_eq!((asked.a, asked.b, asked.distance), (2, 0, expected));
+        }
     }
 }

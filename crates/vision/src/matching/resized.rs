@@ -154,8 +154,10 @@ impl Matcher for Resized {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{Orb, OrbParams};
+    use crate::features::{Descriptors, Orb, OrbParams};
     use crate::matching::{NearestNeighbours, Pipeline};
+
+    const BITS: DescriptorKind = DescriptorKind::Binary { bits: 256 };
 
     fn orb() -> Box<dyn Matcher> {
         let extractor = Orb::new(OrbParams::default()).expect("defaults are in range");
@@ -224,6 +226,88 @@ mod tests {
             assert!(small.data().iter().all(|&pixel| pixel == 9));
         }
         assert!(Resized::new(orb(), ImageSize::AtMost(15)).is_err());
+    }
+
+    /// Says what it was asked for.
+    struct Echo;
+
+    impl Echo {
+        fn said<T>(stage: &str, [a, b]: [&Features; 2]) -> Result<T, MatcherError> {
+            Err(MatcherError(format!("{stage} {} with {}", a.size, b.size)))
+        }
+    }
+
+    impl Matcher for Echo {
+        fn extract(&self, image: &GrayImage) -> Result<Features, MatcherError> {
+            Err(MatcherError(format!("extract {}", image.size())))
+        }
+
+        fn search(&self, a: &Features, b: &Features) -> Result<Correspondences, MatcherError> {
+            Self::said("search", [a, b])
+        }
+
+        fn select(
+            &self,
+            a: View<'_>,
+            b: View<'_>,
+            _: Correspondences,
+            _: Seed,
+        ) -> Result<Correspondences, MatcherError> {
+            Self::said("select", [a.features, b.features])
+        }
+
+        fn place(
+            &self,
+            a: View<'_>,
+            b: View<'_>,
+            _: &[Correspondence],
+        ) -> Result<MatchedPoints, MatcherError> {
+            Self::said("place", [a.features, b.features])
+        }
+
+        fn extraction_memory(&self, size: Size) -> usize {
+            1000 * size.area()
+        }
+    }
+
+    #[test]
+    fn each_stage_is_that_of_the_matcher_on_the_same_two_images() {
+        let resized = Resized::new(Box::new(Echo), ImageSize::AtMost(100)).expect("in range");
+        let of = |size: Size| Features::new(size, vec![], Descriptors::empty(BITS));
+        let (a, b) = (of(Size::new(200, 100)), of(Size::new(30, 40)));
+        let view = |features| View {
+            features,
+            image: None,
+            camera: None,
+        };
+        let image = GrayImage::filled(Size::new(200, 100), 0);
+        for (said, expected) in [
+            (resized.extract(&image).map(drop), "extract 100x50"),
+            (
+                resized.search(&a, &b).map(drop),
+                "search 200x100 with 30x40",
+            ),
+            (
+                resized
+                    .select(view(&a), view(&b), vec![], Seed(0))
+                    .map(drop),
+                "select 200x100 with 30x40",
+            ),
+            (
+                resized.place(view(&a), view(&b), &[]).map(drop),
+                "place 200x100 with 30x40",
+            ),
+        ] {
+            assert_eq!(said.expect_err("it only says").to_string(), expected);
+        }
+        // That of the reduced image, and the image twice; an enlarged one is the larger of the two.
+        assert_eq!(resized.extraction_memory(image.size()), 5_000_000 + 40_000);
+        let exactly = ImageSize::Exactly(Size::new(400, 100));
+        let enlarged = Resized::new(Box::new(Echo), exactly).expect("in range");
+        assert_eq!(
+            enlarged.extraction_memory(image.size()),
+            40_000_000 + 80_000
+        );
     }
 
     #[test]

@@ -193,6 +193,32 @@ mod tests {
         assert!(!matches.is_empty());
     }
 
+    /// The same features without the first ones.
+    fn without_first(features: &Features, count: usize) -> Features {
+        let Descriptors::Float(rows) = &features.descriptors else {
+            panic!("they are real numbers");
+        };
+        let rows: Vec<f32> = (count..features.len())
+            .flat_map(|i| rows.row(i).to_vec())
+            .collect();
+        let descriptors = Descriptors::Float(FloatRows::from_vec(16, rows));
+        Features::new(SIZE, features.keypoints[count..].to_vec(), descriptors)
+            .with_frames((count..features.len()).map(|i| features.frame(i)).collect())
+    }
+
+    #[test]
+    fn images_may_have_unlike_numbers_of_features() {
+        const FEWER: u32 = 20;
+        for enough in [Some(150), None] {
+            let [a, b] = pair(|_| true);
+            let fewer = without_first(&b, FEWER as usize);
+            let (matches, _) = matched(&[a.clone(), fewer.clone()], enough);
+            assert!(matches.len() >= 150 && matches.iter().all(|found| found.a == found.b + FEWER));
+            let (matches, _) = matched(&[fewer, a], enough);
+            assert!(matches.len() >= 150 && matches.iter().all(|found| found.b == found.a + FEWER));
+        }
+    }
+
     #[test]
     fn nothing_matches_nothing() {
         let none = Features::new(SIZE, vec![], Descriptors::Float(FloatRows::new(16)));

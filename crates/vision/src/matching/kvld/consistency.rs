@@ -313,3 +313,42 @@ impl Grid {
             })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A match whose keypoint keeps its place, and is turned and enlarged.
+    fn placed(x: f32, turn: f32, growth: f32) -> Placed {
+        let keypoint = |size: f32, angle: f32| Keypoint {
+            at: Point2::new(x, 0.0),
+            size,
+            angle: Some(angle),
+            response: 1.0,
+            octave: 0,
+        };
+        let (from, to) = (keypoint(3.0, 0.5), keypoint(3.0 * growth, 0.5 + turn));
+        Placed {
+            a: from.at,
+            b: to.at,
+            b_from_a: similarity(&from, &to),
+            a_from_b: similarity(&to, &from),
+        }
+    }
+
+    #[test]
+    fn the_error_of_a_pair_is_the_mean_of_four_predictions() {
+        let right = placed(0.0, 0.0, 1.0);
+        for (other, expected) in [
+            (placed(10.0, 0.0, 1.0), 0.0),
+            // It predicts the first at twice the distance beyond itself, in both directions.
+            (placed(10.0, PI, 1.0), 0.25 * (2.0 + 2.0)),
+            // At twice the distance in b, at half of it in a.
+            (placed(10.0, 0.0, 2.0), 0.25 * (1.0 + 0.5)),
+        ] {
+            for error in [right.inconsistency(&other), other.inconsistency(&right)] {
+                assert!((error - expected).abs() < 1e-5, "{error}, not {expected}");
+            }
+        }
+    }
+}

@@ -184,3 +184,71 @@ impl Window {
         area
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::gradients::Gradient;
+    use super::*;
+    use crate::image::{Image, Size};
+
+    #[test]
+    fn dominant_directions_are_compared_around_the_circle() {
+        let line = |direction| VirtualLine {
+            histograms: [[1.0 / (DISCS * BINS) as f32; BINS]; DISCS],
+            dominant: [(direction, 1.0 / DISCS as f32); DISCS],
+        };
+        for (one, other, apart) in [
+            (5, 5, 0.0),
+            (5, 6, 1.0),
+            (0, 23, 1.0),
+            (21, 3, 6.0),
+            (0, 12, 12.0),
+        ] {
+            let distance = line(one).distance(&line(other));
+            let expected = (1.0 - HISTOGRAM_SHARE) * apart / 24.0;
+            assert!(
+                (distance - expected).abs() < 1e-6,
+                "{one} {other}: {distance}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_disc_is_described_where_it_has_three_to_four_pixels() {
+        for radius in [3.01, 4.2, 4.3, 5.9, 6.1, 12.3, 100.0_f32] {
+            let there = radius / 2.0_f32.powf(0.5 * level_of(radius) as f32);
+            assert!((2.99..4.25).contains(&there), "{radius}: {there}");
+        }
+        assert_eq!(level_of(1.0), 0);
+    }
+
+    #[test]
+    fn a_disc_is_round_and_its_gradients_fall_between_two_bins() {
+        // A sixteenth of a turn is in the middle of two of the eight bins.
+        let gradient = Gradient {
+            magnitude: 3,
+            direction: 0x1000,
+        };
+        let level = Image::filled(Size::new(40, 41), gradient);
+        let (centre, radius) = (Point2::new(20.3, 19.8), 6.0);
+        let (mut histogram, mut directions) = ([0.0; BINS], [0.0; DIRECTIONS]);
+        let area = Window::new().gather(&level, centre, radius, 0, &mut histogram, &mut directions);
+        let squared = |x: usize, y: usize| {
+            (Point2::new(x as f32, y as f32) - centre).norm_squared() / (radius * radius)
+        };
+        let pixels = (0..41).flat_map(|y| (0..40).map(move |x| squared(x, y)));
+        let expected: f32 = (pixels.filter(|&d| d <= 1.0))
+            .map(|d| libm::expf(-2.0 * d))
+            .sum();
+        assert!(
+            (area / expected - 1.0).abs() < 0.05,
+            "{area}, not {expected}"
+        );
+        let half = 1.5 * area;
+        assert!(
+            (histogram[0] - half).abs() < 1e-3 * half && (histogram[1] - half).abs() < 1e-3 * half
+        );
+        assert!(histogram[2..].iter().all(|&value| value == 0.0));
+        assert!((directions[1] - 3.0 * area).abs() < 1e-3 * area);
+    }
+}
