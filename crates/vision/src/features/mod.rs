@@ -243,6 +243,51 @@ mod tests {
         image.map(|&grey| grey + rng.below(9) as u8)
     }
 
+    /// The describers that can leave out the orientation.
+    fn describers(upright: bool) -> [Box<dyn Describer>; 3] {
+        let latch = LatchParams {
+            upright,
+            ..LatchParams::default()
+        };
+        let dlco = DlcoParams {
+            upright,
+            ..DlcoParams::default()
+        };
+        let boost = BinBoostParams {
+            upright,
+            ..BinBoostParams::default()
+        };
+        [
+            Box::new(Latch::new(latch).expect("in range")),
+            Box::new(Dlco::new(dlco).expect("in range")),
+            Box::new(BinBoost::new(boost).expect("in range")),
+        ]
+    }
+
+    #[test]
+    fn upright_descriptors_do_not_depend_on_the_angle() {
+        let image = boxes(Size::new(203, 149));
+        for (turned, upright) in describers(false).iter().zip(&describers(true)) {
+            let described = |describer: &dyn Describer, angle| {
+                let mut keypoints = vec![Keypoint {
+                    at: nalgebra::Point2::new(101.0, 74.0),
+                    size: 9.0,
+                    angle,
+                    response: 1.0,
+                    octave: 0,
+                }];
+                let descriptors = describer.describe(&image, &mut keypoints);
+                assert_eq!(keypoints.len(), 1);
+                descriptors
+            };
+            let without = described(&**turned, None);
+            for angle in [Some(1.0), Some(2.5)] {
+                assert_eq!(described(&**upright, angle), without);
+                assert_ne!(described(&**turned, angle), without);
+            }
+        }
+    }
+
     #[test]
     fn every_set_of_instructions_gives_the_same_bits() {
         fn on<K, D>(detector: K, describer: D) -> DetectThenDescribe<K, D> {

@@ -157,6 +157,47 @@ mod tests {
         assert_eq!(opposite & 0b01_1110, 0b01_1110);
     }
 
+    /// Cells are in the order of their places along the patch, then across it. Each plane in turn is what rises along it:
+    /// the mean, the derivative across, the derivative along.
+    #[test]
+    fn each_plane_of_each_grid_is_compared_cell_by_cell() {
+        let size = Size::new(200, 200);
+        let angle = 0.7;
+        let (sin, cos) = libm::sincosf(angle);
+        let rise = |factor: f32| {
+            FloatImage::from_fn(size, |x, y| factor * (x as f32 * cos + y as f32 * sin))
+        };
+        for sign in [1.0, -1.0] {
+            for (rising, factors) in [[1.0, 0.0, 0.0], [0.0, -sin, cos], [0.0, cos, sin]]
+                .into_iter()
+                .enumerate()
+            {
+                let [image, dx, dy] = factors.map(|factor| rise(sign * factor));
+                let level = Described {
+                    image: &image,
+                    dx: &dx,
+                    dy: &dy,
+                    step: 2,
+                };
+                let words = describe(level, [100.0, 100.0], angle);
+                let mut bit = 0;
+                for (side, plane) in [2, 3, 4].into_iter().flat_map(|n| [(n, 0), (n, 1), (n, 2)]) {
+                    for first in 0..side * side {
+                        for second in first + 1..side * side {
+                            let exceeds = words[bit / 64] >> (bit % 64) & 1 == 1;
+                            if plane == rising && first / side < second / side {
+                                let what = format!("{side} {plane}: {first} with {second}");
+                                assert_eq!(exceeds, sign < 0.0, "{what}");
+                            }
+                            bit += 1;
+                        }
+                    }
+                }
+                assert_eq!(bit, BITS);
+            }
+        }
+    }
+
     #[test]
     fn bits_fill_words_without_gaps() {
         let mut bits = BitWriter::default();

@@ -245,6 +245,22 @@ mod tests {
     }
 
     #[test]
+    fn regions_are_gaussians_of_the_same_weight() {
+        let middle = 0.5 * (INNER as f32 - 1.0);
+        // The last one begins at the border, where half of it is cut off.
+        for (centre, sigma, pixels) in [(0.5, 2.0, 11), (-8.5, 1.6, 9), (middle, 4.0, 11)] {
+            let (first, weights) = weights(centre, sigma);
+            assert_eq!(weights.len(), pixels, "all within 2.5 standard deviations");
+            assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+            let at = |i: usize| (first + i) as f32 - middle - centre;
+            for i in 0..pixels {
+                let ratio = libm::expf((at(0) * at(0) - at(i) * at(i)) / (2.0 * sigma * sigma));
+                assert!((weights[i] / weights[0] / ratio - 1.0).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
     fn a_ramp_pools_to_one_direction_everywhere_and_contrast_does_not_matter() {
         let rings = [
             Ring {
