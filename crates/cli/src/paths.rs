@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn between_commas(list: &Path) -> Vec<PathBuf> {
     match list.to_str() {
         Some(list) => split(list, |path| Path::new(path).exists()),
-        // Whoever has such a name does not type it.
+        // What is not UTF-8 is one path.
         None => vec![list.to_owned()],
     }
 }

@@ -104,8 +104,8 @@ fn tell_of_parts(plan: &Plan) {
     }
 }
 
-/// The datasets in the folders of these lists, by the names that they have in the plan: by the name of the folder, or by its content
-/// if that is another name.
+/// The datasets in the folders of these lists, by the names that they have in the plan: by the name of the folder, or by
+/// its content if that is another name.
 fn moved<'a>(planned: &'a [DatasetPlan], lists: &[PathBuf]) -> Result<BTreeMap<&'a str, Sequence>> {
     let mut found = BTreeMap::new();
     for folder in lists.iter().flat_map(|list| paths::between_commas(list)) {
