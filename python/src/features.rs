@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use matchbench::counted::counted;
-use matchbench::external::{is_inside, wrong_angle};
+use matchbench::external::{is_inside, wrong_angle, wrong_size};
 use matchbench_vision::features::{self, DescriptorKind, Keypoint};
 use matchbench_vision::image::Size;
 use nalgebra::Point2;
@@ -90,20 +90,6 @@ fn check_inside(keypoints: &[Keypoint], size: Size) -> PyResult<()> {
             keypoints[row].at.x, keypoints[row].at.y
         )))
     })
-}
-
-/// Refuses sizes that are no diameters.
-fn check_sizes(sizes: &[f32]) -> PyResult<()> {
-    sizes
-        .iter()
-        .position(|size| *size < 0.0)
-        .map_or(Ok(()), |row| {
-            let message = format!(
-                "`sizes` are diameters, not below 0; row {row} is {}",
-                sizes[row]
-            );
-            Err(PyValueError::new_err(message))
-        })
 }
 
 /// Octaves as whole numbers.
@@ -200,7 +186,9 @@ impl Features {
             read(sizes, "sizes", 1.0)?,
             read(angles, "angles", f32::NAN)?,
         );
-        check_sizes(&sizes)?;
+        if let Some(wrong) = wrong_size(&sizes) {
+            return Err(PyValueError::new_err(format!("`sizes` are {wrong}")));
+        }
         if let Some(wrong) = wrong_angle(&angles) {
             return Err(PyValueError::new_err(format!("`angles`: {wrong}")));
         }

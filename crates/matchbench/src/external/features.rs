@@ -80,15 +80,8 @@ pub(super) fn read_features(
     let points = array(&mut file, "keypoints", &[count, 2])?.ok_or("it wrote no `keypoints`")?;
     let mut column = |name: &str| array(&mut file, name, &[count]);
     let (scales, angles, scores) = (column("scales")?, column("angles")?, column("scores")?);
-    if let Some((row, scale)) = scales
-        .iter()
-        .flatten()
-        .enumerate()
-        .find(|(_, scale)| **scale < 0.0)
-    {
-        return Err(format!(
-            "its `scales` are diameters, not below 0; row {row} is {scale}"
-        ));
+    if let Some(wrong) = scales.as_deref().and_then(wrong_size) {
+        return Err(format!("its `scales` are {wrong}"));
     }
     if let Some(wrong) = angles.as_deref().and_then(wrong_angle) {
         return Err(format!("its `angles`: {wrong}"));
@@ -117,6 +110,15 @@ pub(super) fn read_features(
         size,
         keypoints,
         read_descriptors(&descriptors, count, hamming)?,
+    ))
+}
+
+/// What is wrong with sizes of keypoints: one is below 0, and no diameter.
+pub fn wrong_size(sizes: &[f32]) -> Option<String> {
+    let row = sizes.iter().position(|size| *size < 0.0)?;
+    Some(format!(
+        "diameters, not below 0; row {row} is {}",
+        sizes[row]
     ))
 }
 
