@@ -300,29 +300,32 @@ impl Hdf5 {
     /// The error for an array that cannot be decoded. With a filter that is not known here (h5py's LZF, those of plugins)
     /// the tool that made it would write the same again.
     fn undecoded(&self, what: String) -> ArrayError {
-        let damaged = self.damaged(what);
-        if !damaged.what.contains("unsupported filter") {
-            return damaged;
-        }
-        ArrayError {
-            remedy: "write it with another compression, such as gzip, or with none",
-            ..damaged
-        }
+        let remedy = "write it with another compression, such as gzip, or with none";
+        self.damaged_unless(what, "unsupported filter", remedy)
     }
 
     /// The error for a group whose members cannot be listed. The decoder takes a large group of the latest format for
     /// one that is cut, so the tool that made it would write the same again.
     fn unlisted(&self, error: hdf5_reader::error::Error) -> ArrayError {
-        let damaged = self.damaged(error);
-        // Where it is a group in the listed one, the decoder tells its error in words alone.
-        if !damaged.what.contains("unexpected end of data") {
-            return damaged;
-        }
-        ArrayError {
-            remedy: "if other programs read it, a group has more members than are read in files of \
-                     libver=\"latest\" (some 10,000): copy it into a file with libver=\"earliest\"; else write it \
-                     again with the tool that made it",
-            ..damaged
+        let remedy = "if other programs read it, a group has more members than are read in files of \
+                      libver=\"latest\" (some 10,000): copy it into a file with libver=\"earliest\"; else write it \
+                      again with the tool that made it";
+        self.damaged_unless(error, "unexpected end of data", remedy)
+    }
+
+    /// The error for what the decoder refuses: it is damaged, or needs another `remedy` where `told` is among the words of the
+    /// decoder. Of a group in the one that is listed it has words alone, and no kind of error.
+    fn damaged_unless(
+        &self,
+        what: impl std::fmt::Display,
+        told: &str,
+        remedy: &'static str,
+    ) -> ArrayError {
+        let damaged = self.damaged(what);
+        if damaged.what.contains(told) {
+            ArrayError { remedy, ..damaged }
+        } else {
+            damaged
         }
     }
 }
