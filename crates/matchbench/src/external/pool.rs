@@ -67,7 +67,7 @@ pub struct Image<'a> {
 
 /// A matcher that cannot be started.
 #[derive(Debug, thiserror::Error)]
-#[error("`{name}` cannot be started: {reason}; what it printed is in {}", log.display())]
+#[error("{}; what it printed is in {}", self.without_log(), log.display())]
 pub struct StartError {
     /// Its name.
     pub name: String,
@@ -75,6 +75,13 @@ pub struct StartError {
     pub reason: String,
     /// Its log.
     pub log: PathBuf,
+}
+
+impl StartError {
+    /// The error without the place of the log, for those who name that themselves.
+    pub fn without_log(&self) -> String {
+        format!("`{}` cannot be started: {}", self.name, self.reason)
+    }
 }
 
 /// Why a question has no answer.

@@ -26,7 +26,7 @@ use crate::matchers::mostly_copies;
 use super::answer::Matched;
 use super::log::Log;
 use super::manifest::{Kind, Manifest};
-use super::pool::{Breakdown, External, Image, StartError};
+use super::pool::{Breakdown, External, Image};
 
 /// Matches below which a share says nothing.
 const FEW: usize = 20;
@@ -94,8 +94,7 @@ pub fn check(
     let external = match External::start(manifest, log) {
         Ok(external) => external,
         Err(error) => {
-            let StartError { name, reason, .. } = error;
-            tell(wrong(format!("`{name}` cannot be started: {reason}")));
+            tell(wrong(error.without_log()));
             return Ok(());
         }
     };
