@@ -205,12 +205,11 @@ def _read(path, gray):
 
 
 def _n_by_2(points):
-    """The points as an array n x 2. Other arrays would be cut into other points. An empty one of any shape has no points, and
-    the 1 of cv2's n x 1 x 2, or of a batch of one, says nothing."""
+    """The points as an array n x 2. Other arrays would be cut into other points. An empty one of any shape has no points."""
     points = np.asarray(points, np.float64)
     if points.size == 0:
         return np.zeros((0, 2))
-    if points.ndim == 3 and 1 in points.shape[:2]:
+    if _has_a_1_more(points.shape):
         points = points.reshape(-1, points.shape[2])
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points: an array of shape {_shape(points)}; give n x 2 (x, y)")
@@ -218,9 +217,14 @@ def _n_by_2(points):
 
 
 def _count(keypoints):
-    """How many keypoints there are, also in a batch of one, or in cv2's n x 1 x 2."""
+    """How many keypoints there are."""
     shape = np.shape(keypoints)
-    return int(np.prod(shape[:2])) if len(shape) == 3 and 1 in shape[:2] else len(keypoints)
+    return int(np.prod(shape[:2])) if _has_a_1_more(shape) else len(keypoints)
+
+
+def _has_a_1_more(shape):
+    """Whether a list of points has the 1 of cv2's n x 1 x 2, or of a batch of one, which says nothing."""
+    return len(shape) == 3 and 1 in shape[:2]
 
 
 def _shape(array):
