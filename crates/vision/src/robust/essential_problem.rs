@@ -194,26 +194,38 @@ impl Seen {
     /// The matches under the pose that has the fewest of them behind a camera. `None` if the matrix has no pose.
     fn under(model: &Matrix3<f64>, matches: &PointPairs) -> Option<Self> {
         let poses = decompose_essential(model)?;
-        // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
         let depths = [0, 1].map(|rotation| {
             let mut depths = [vec![0.0; matches.len()], vec![0.0; matches.len()]];
             let [a, b] = &mut depths;
             ray_depths(&poses[rotation], matches, a, b);
             depths
         });
-        let reversed = |depths: &[Vec<f64>; 2]| {
-            (depths.each_ref()).map(|depths| depths.iter().map(|depth| -depth).collect())
+        // Poses 2 and 3 are 0 and 1 with the direction, hence all depths, reversed.
+        let signed = [(0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0)];
+        let behind = |(rotation, sign): (usize, f64)| {
+            let [a, b] = &depths[rotation];
+            let depths = a.iter().zip(b);
+            depths
+                .filter(|&(a, b)| lies_behind(sign * a) | lies_behind(sign * b))
+                .count()
         };
-        let reversed = depths.each_ref().map(reversed);
-        let seen = (poses.into_iter().zip(depths.into_iter().chain(reversed)))
-            .map(|(pose, depths)| Self { pose, depths });
-        seen.min_by_key(|seen| (0..matches.len()).filter(|&at| seen.is_behind(at)).count())
+        let (pose, (rotation, sign)) =
+            (poses.into_iter().zip(signed)).min_by_key(|&(_, signed)| behind(signed))?;
+        let depths = depths[rotation]
+            .each_ref()
+            .map(|depths| depths.iter().map(|depth| sign * depth).collect());
+        Some(Self { pose, depths })
     }
 
     /// Whether match number `at` lies behind a camera, and not so far away that noise may have moved it there.
     fn is_behind(&self, at: usize) -> bool {
-        (self.depths.iter()).any(|depths| (-UNCERTAIN_DEPTH..0.0).contains(&depths[at]))
+        (self.depths.iter()).any(|depths| lies_behind(depths[at]))
     }
+}
+
+/// Whether a point at this depth lies behind the camera, and not so far away that noise may have moved it there.
+fn lies_behind(depth: f64) -> bool {
+    (-UNCERTAIN_DEPTH..0.0).contains(&depth)
 }
 
 /// Depth, in baselines, beyond which noise can flip its sign.
