@@ -60,6 +60,8 @@ pub(super) const DASHES: usize = PATTERNS.len();
 /// How many pixels a unit of a chart has in the page at most: charts of few cells or short names would otherwise have
 /// larger text than others.
 const LARGEST: f64 = 1.3;
+/// And at least: a chart for which there is less room can be scrolled, since its text would be too small to read.
+const SMALLEST: f64 = 0.8;
 
 /// Room beside the title of a file.
 const TITLE: f64 = 12.0;
@@ -105,14 +107,15 @@ fn open(svg: &mut String, target: Target, class: &str, (width, height): (f64, f6
     let title = escape(title);
     match target {
         Target::Page => {
-            let at_most = if class.starts_with("chart") {
-                format!(r#" style="max-width:{:.0}px""#, LARGEST * width)
+            let sizes = if class.starts_with("chart") {
+                let (least, most) = (SMALLEST * width, LARGEST * width);
+                format!(r#" style="--least:{least:.0}px;max-width:{most:.0}px""#)
             } else {
                 String::new()
             };
             let _ = writeln!(
                 svg,
-                r#"<svg class="{class}"{at_most} viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
+                r#"<svg class="{class}"{sizes} viewBox="0 0 {width} {height}" role="img" aria-label="{title}" tabindex="0">"#
             );
         }
         Target::File => {
@@ -268,14 +271,15 @@ mod tests {
     }
 
     #[test]
-    fn no_chart_of_the_page_has_larger_text_than_others() {
+    fn text_of_charts_in_the_page_is_neither_large_nor_too_small_to_read() {
         let opening = |class, target| {
             let mut svg = String::new();
             open(&mut svg, target, class, (200.0, 100.0), "room");
             svg
         };
         let heat = opening("chart heat", Target::Page);
-        assert!(heat.contains(r#"style="max-width:260px""#), "{heat}");
+        let sizes = r#"style="--least:160px;max-width:260px""#;
+        assert!(heat.contains(sizes), "{heat}");
         // Pictures fill the place of their images.
         assert!(!opening("pair", Target::Page).contains("style"));
         assert!(!opening("chart heat", Target::File).contains("style"));
