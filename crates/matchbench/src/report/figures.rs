@@ -214,12 +214,7 @@ pub(super) fn lead_figure(
 ) -> Option<String> {
     let dataset = overview.datasets[column];
     let leads = || leads_on(content, overview, column);
-    let row = |(matcher, estimator): &(String, String)| {
-        overview.rows.iter().find(|row| {
-            let summary = row.cells[column].as_ref().map(|cell| cell.summary);
-            summary.is_some_and(|s| s.matcher == *matcher && s.estimator == *estimator)
-        })
-    };
+    let row = |(matcher, estimator): &(String, String)| overview.row(matcher, estimator);
     let best = row(&leads().next()?.best)?;
     let mut rivals: Vec<Rival<'_>> = leads()
         .filter_map(|lead| {

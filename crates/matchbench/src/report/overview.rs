@@ -158,6 +158,12 @@ impl<'a> Overview<'a> {
         self
     }
 
+    /// The row of a matcher with an estimator.
+    pub(super) fn row(&self, matcher: &str, estimator: &str) -> Option<&Row<'a>> {
+        let mut rows = self.rows.iter();
+        rows.find(|row| row.matcher == matcher && row.estimator == estimator)
+    }
+
     /// Whether there is a baseline, and something that may be above it.
     pub(super) fn has_baseline(&self) -> bool {
         let is_baseline = |row: &Row<'_>| row.is_baseline;

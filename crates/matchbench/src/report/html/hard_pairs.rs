@@ -32,12 +32,15 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
                 (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
             };
             let best = (whole.iter().zip(&right))
-                .filter_map(|(set, right)| Some((set, right[0]?)))
+                .filter_map(|(set, right)| {
+                    let row = overview.row(&set.matcher, &set.estimator)?;
+                    Some((row, right[0]?))
+                })
                 .rev()
                 .max_by(|(_, one), (_, other)| one.total_cmp(other));
             let best = best
                 .filter(|(_, right)| *right > 0.0)
-                .map(|(set, right)| format!("{} ({})", set.method(), ratio(right)));
+                .map(|(row, right)| format!("{} ({})", row.label, ratio(right)));
             let link = (hard.example)
                 .filter(|pair| !alone && pictured.contains(pair))
                 .map(|(a, b)| format!("pairs/{folder}/{a}-{b}.html"));
@@ -61,10 +64,10 @@ pub(super) fn rows(content: &Content, overview: &Overview<'_>, alone: bool) -> V
 mod tests {
     use super::super::super::tests::content;
     use super::*;
-    use crate::metrics::PairGeometry;
+    use crate::metrics::{PairGeometry, Summary};
 
     #[test]
-    fn a_method_that_lacks_results_is_best_of_nothing() {
+    fn the_best_has_its_label_and_one_that_lacks_results_is_best_of_nothing() {
         let mut content = content(&[("room", "sift", 2), ("room", "orb", 4)]);
         let wide = PairGeometry {
             baseline: Some(1.0),
@@ -81,8 +84,15 @@ mod tests {
                 value.expect("a column of the table").to_string()
             })
         };
+        assert_eq!(shown(&content), ["orb (0.667)", "0.500"]);
+        let other = Summary {
+            estimator: "rich".into(),
+            ..content.summaries[1].clone()
+        };
+        content.summaries.push(other);
         assert_eq!(shown(&content), ["orb + ransac-e (0.667)", "0.500"]);
+        content.summaries.pop();
         content.results[1].lacking = 1;
-        assert_eq!(shown(&content), ["sift + ransac-e (0.333)", "0.333"]);
+        assert_eq!(shown(&content), ["sift (0.333)", "0.333"]);
     }
 }
