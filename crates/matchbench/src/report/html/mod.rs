@@ -22,12 +22,13 @@ pub(super) use leaderboard::leaderboard_page;
 pub(super) use pair_pages::pair_pages;
 
 use std::collections::BTreeSet;
+use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use matchbench_vision::robust::RIGHT_POSE;
 use minijinja::syntax::SyntaxConfig;
-use minijinja::{AutoEscape, Environment, Template, Value, context};
+use minijinja::{AutoEscape, Environment, HtmlEscape, Template, Value, context};
 
 use crate::counted::counted;
 use crate::metrics::{Angle, Detail, MIN_IMAGES, Model, Portion, ScoreKind, Summary, shown_scores};
@@ -192,6 +193,7 @@ fn environment() -> Environment<'static> {
         .build()
         .expect("the delimiters are the usual ones");
     environment.set_syntax(syntax);
+    environment.add_filter("with_code", with_code);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     environment.add_filter("counted", |number: u64, noun: &str| counted(number, noun));
     for (name, text) in [
@@ -207,6 +209,21 @@ fn environment() -> Environment<'static> {
             .expect("the templates are ours");
     }
     environment
+/// A message as HTML: what stands between backticks is code.
+fn with_code(message: &str) -> Value {
+    let mut html = String::new();
+    let mut rest = message;
+    while let Some((before, (code, after))) =
+        (rest.split_once('`')).and_then(|(before, rest)| Some((before, rest.split_once('`')?)))
+    {
+        let (before, code) = (HtmlEscape(before), HtmlEscape(code));
+        let _ = write!(html, "{before}<code>{code}</code>");
+        rest = after;
+    }
+    let _ = write!(html, "{}", HtmlEscape(rest));
+    Value::from_safe_string(html)
+}
+
 }
 
 fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a> {

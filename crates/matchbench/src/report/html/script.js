@@ -164,6 +164,7 @@
       element.append(...children);
       return element;
     };
+    const withCode = (text) => text.split("`").map((part, k) => (k % 2 ? make("code", { textContent: part }) : part));
     const [datasets, methods, pictures, view] = ["dataset", "method", "pictures", "view"].map(byId);
     const head = byId("table").tHead.rows[0];
     const body = byId("table").tBodies[0];
@@ -348,7 +349,7 @@
       view.replaceChildren(
         make("div", { className: "pages" }, beside(-1, "Previous pair"), beside(1, "Next pair"), close),
         make("h3", { textContent: `${d.name}: ${name(d, i)}, ${m.label}` }),
-        make("p", { textContent: words }),
+        make("p", {}, ...withCode(words)),
         ...(picture ? drawing(picture, failed) : paged().has(i) ? [] : [make("p", { className: "quiet", textContent: `This page has no picture of it${m.show ? "; the command below draws one" : ""}.` })]),
         ...(d.methods.length > 1 ? [rivals(d, i)] : []),
         ...(paged().has(i) ? [make("p", {}, make("a", { href: address(i), textContent: "Pictures of all on this pair" }))] : []),

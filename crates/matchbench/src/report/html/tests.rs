@@ -357,3 +357,20 @@ fn every_row_has_a_cell_under_every_head() {
         assert!(rows.iter().all(|&cells| cells == rows[0]), "{rows:?}");
     }
 }
+
+#[test]
+fn code_in_messages_is_code() {
+    let shown = |message: &str| with_code(message).to_string();
+    assert_eq!(
+        shown("`a < b` of <i>; see `matchbench run`"),
+        "<code>a &lt; b</code> of &lt;i&gt;; see <code>matchbench run</code>"
+    );
+    assert_eq!(shown("one ` alone"), "one ` alone");
+    // Warnings, and what the reasons of failures mean.
+    let mut content = content(&[("room", "sift", 4)]);
+    content.doubts = vec!["check it (`matchbench validate`)".into()];
+    let page = render(&content);
+    for code in ["matchbench validate", "max_depth"] {
+        assert!(page.contains(&format!("<code>{code}</code>")), "{code}");
+    }
+}
