@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use matchbench::counted::counted;
 use matchbench::metrics::{Angle, Model};
-use matchbench::report::{Leaderboard, Refused, leaderboard, write_leaderboard};
+use matchbench::report::{Leaderboard, Refused, leaderboard, names_or_count, write_leaderboard};
 
 use crate::Ending;
 use crate::args::LeaderboardArgs;
@@ -48,16 +48,15 @@ fn print(board: &Leaderboard, page: &Path) -> Result<()> {
     let mut out = stdout();
     for group in &board.groups {
         let firsts = group.rows.iter().filter(|row| row.rank == 1);
-        let mut firsts: Vec<&str> = firsts.map(|row| &*row.label).collect();
+        let firsts: Vec<&str> = firsts.map(|row| &*row.label).collect();
         let auc = group.rows[0].summary.auc_of(Angle::Pose).value;
-        let last = firsts.pop().unwrap_or(&group.rows[0].label);
-        let who = match &firsts[..] {
-            [] => format!("{last} is the first"),
-            others => format!("{} and {last} share the first place", others.join(", ")),
+        let verb = match firsts.len() {
+            1 => "is the first",
+            _ => "share the first place",
         };
         writeln!(
             out,
-            "{}{}, {}, {}: {who} of {}, AUC {}",
+            "{}{}, {}, {}, {}: {} {verb}, AUC {}",
             group.dataset,
             match group.model {
                 Model::Pose => "",
@@ -65,7 +64,8 @@ fn print(board: &Leaderboard, page: &Path) -> Result<()> {
             },
             counted(group.pairs[0], "pair"),
             group.protocol,
-            group.rows.len(),
+            counted(group.rows.len(), "method"),
+            names_or_count(&firsts, group.rows.len()),
             auc.map_or_else(|| "unknown".to_owned(), |auc| format!("{auc:.3}"))
         )?;
     }

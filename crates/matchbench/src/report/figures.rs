@@ -17,7 +17,7 @@ use super::svg::{
     ApSeries, Axes, Curve, Dot, Rival, Target, ap_bars, ap_panel, forest, reliability_diagram,
     scatter, sp_curves, strata_curves,
 };
-use super::words::together;
+use super::words::names_or_count;
 
 /// Pixels within which matches are counted for the number beside a curve of matching accuracy.
 const ACCURACY_PX: usize = 3;
@@ -232,11 +232,8 @@ pub(super) fn lead_figure(
     let level = rivals.iter().filter(|rival| rival.behind.is_zero());
     let mut leaders = vec![&*best.label];
     leaders.extend(level.map(|rival| rival.name));
-    let title = format!(
-        "Lead of {}: {}",
-        together(&leaders),
-        named(overview, column)
-    );
+    let who = names_or_count(&leaders, 1 + rivals.len());
+    let title = format!("Lead of {who}: {}", named(overview, column));
     Some(forest(target, &title, &leaders, &rivals))
 }
 

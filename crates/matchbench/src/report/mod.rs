@@ -88,6 +88,7 @@ pub use target::check_target;
 pub use time_table::{MatcherTimes, times_as_csv, times_as_latex};
 pub use unfinished::Lacking;
 pub use verdict::verdicts;
+pub use words::names_or_count;
 
 /// The format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -47,7 +47,7 @@ use super::overview::{Cell, Overview, Row, Subject};
 use super::pair_time::about_times;
 use super::score_words::{definitions, group_note};
 use super::svg::{Target, data_url, legend_sample};
-use super::words::together;
+use super::words::names_or_count;
 
 /// The three errors of a pose, as the page calls them.
 const ANGLES: [(&str, Angle); 3] = [
@@ -56,8 +56,6 @@ const ANGLES: [(&str, Angle); 3] = [
     ("translation", Angle::Translation),
 ];
 
-/// Most names of winners that are listed in a sentence.
-const MAX_WINNERS: usize = 4;
 /// If there are more curves than this, the page first shows only those of one estimator.
 const MAX_CURVES: usize = 12;
 
@@ -193,9 +191,9 @@ fn environment() -> Environment<'static> {
         .build()
         .expect("the delimiters are the usual ones");
     environment.set_syntax(syntax);
-    environment.add_filter("with_code", with_code);
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     environment.add_filter("counted", |number: u64, noun: &str| counted(number, noun));
+    environment.add_filter("with_code", with_code);
     for (name, text) in [
         ("head.html", include_str!("head.html")),
         ("choices.html", include_str!("choices.html")),
@@ -209,6 +207,8 @@ fn environment() -> Environment<'static> {
             .expect("the templates are ours");
     }
     environment
+}
+
 /// A message as HTML: what stands between backticks is code.
 fn with_code(message: &str) -> Value {
     let mut html = String::new();
@@ -222,8 +222,6 @@ fn with_code(message: &str) -> Value {
     }
     let _ = write!(html, "{}", HtmlEscape(rest));
     Value::from_safe_string(html)
-}
-
 }
 
 fn template<'a>(environment: &'a Environment<'_>, name: &str) -> Template<'a, 'a> {
@@ -276,11 +274,7 @@ fn headline(content: &Content, overview: &Overview<'_>, model: Model, of: &str) 
     let first = |i: usize| cells(i).filter(|(_, cell)| cell.rank == Some(1));
     let most = first(*winners.first()?).count();
     let labels: Vec<&str> = (winners.iter().map(|&i| &*overview.rows[i].label)).collect();
-    let names = if winners.len() > MAX_WINNERS {
-        format!("{} of {}", winners.len(), rivals().count())
-    } else {
-        together(&labels)
-    };
+    let names = names_or_count(&labels, rivals().count());
     let won: BTreeSet<usize> = (winners.iter())
         .flat_map(|&i| first(i).map(|(column, _)| column))
         .collect();
