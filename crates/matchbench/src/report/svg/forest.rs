@@ -75,7 +75,7 @@ pub(in super::super) fn forest(
     }
     let _ = writeln!(
         svg,
-        r#"<line class="zero" x1="{0:.1}" y1="{top:.1}" x2="{0:.1}" y2="{bottom:.1}" stroke="{MUTED}"/>"#,
+        r#"<line class="reference" x1="{0:.1}" y1="{top:.1}" x2="{0:.1}" y2="{bottom:.1}" stroke="{MUTED}"/>"#,
         x(0.0)
     );
     let below = match best {
@@ -231,7 +231,10 @@ mod tests {
         let x = scale(&svg, "x", "middle", ["0.0", "0.2"]);
         let dots = numbers(&svg, "<circle", "cx");
         assert!(are_near(&dots, &[x(0.2), x(0.02), x(0.2)]), "{svg}");
-        assert!(are_near(&numbers(&svg, "zero", "x1"), &[x(0.0)]), "{svg}");
+        assert!(
+            are_near(&numbers(&svg, "\"reference\"", "x1"), &[x(0.0)]),
+            "{svg}"
+        );
         let whiskers: Vec<f64> = (svg.lines().filter(|line| line.contains("whisker")))
             .flat_map(|line| {
                 let (_, path) = line.split_once(" d=\"M").expect("a path");

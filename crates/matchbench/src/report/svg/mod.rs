@@ -2,8 +2,8 @@
 //! bytes.
 //!
 //! Colours are attributes, so that a file can be shown alone. The page overrides them by class (`s0` ... `s7`,
-//! `ink`, `grid`), so the same drawing can be shown on a dark screen. Matchers differ by colour, by marker and
-//! by dash, and keep all three in every figure of a report.
+//! `ink`, `grid`, `reference` ...), so the same drawing can be shown on a dark screen. Matchers differ by colour, by
+//! marker and by dash, and keep all three in every figure of a report.
 
 mod ap_bars;
 mod ap_panel;

@@ -59,7 +59,7 @@ pub(in super::super) fn reliability_diagram(
     let (from, to) = ((x(0.0), y(0.0)), (x(1.0), y(1.0)));
     let _ = writeln!(
         svg,
-        r#"<line class="zero" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke="{MUTED}" stroke-dasharray="2 3"/>"#,
+        r#"<line class="reference" x1="{:.1}" y1="{:.1}" x2="{:.1}" y2="{:.1}" stroke="{MUTED}" stroke-dasharray="2 3"/>"#,
         from.0, from.1, to.0, to.1
     );
     let below = (x(0.5), y(0.0) + 33.0);
