@@ -69,6 +69,7 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
         } else {
             "matches"
         },
+        images: BTreeMap::new(),
         pairs: Vec::new(),
     };
     let images = database.images()?;
@@ -94,7 +95,11 @@ fn open(probe: Probe, options: &ReadOptions) -> Result<Contents, ExchangeError> 
         .collect::<Result<_, ExchangeError>>()?;
     Ok(Contents {
         pairs: names,
-        source: Box::new(Database { pairs, ..database }),
+        source: Box::new(Database {
+            images,
+            pairs,
+            ..database
+        }),
     })
 }
 
@@ -106,6 +111,8 @@ struct Database {
     steps: Arc<Steps>,
     /// Where matches are read from.
     table: &'static str,
+    /// Names of the images by id.
+    images: BTreeMap<i64, Arc<str>>,
     /// Ids of both images.
     pairs: Vec<[i64; 2]>,
 }
@@ -246,6 +253,16 @@ impl Database {
             .map_err(|what| self.damaged(what).at(place()))
     }
 
+    /// The error for an image that has matches and no keypoints.
+    fn without_keypoints(&self, id: i64) -> ExchangeError {
+        ExchangeError::new(
+            &self.path,
+            "the image has matches, and no keypoints that they could be of",
+            "let COLMAP extract its features and match it again",
+        )
+        .at(format!("image {id}, {}", self.images[&id]))
+    }
+
     fn damaged(&self, what: impl std::fmt::Display) -> ExchangeError {
         ExchangeError::damaged(&self.path, what)
     }
@@ -272,6 +289,12 @@ impl Source for Database {
         let (a, b) = (a?, b?);
         let pair_id = MAX_IMAGES * ids[0] + ids[1];
         let indices = self.blob(self.table, "pair_id", pair_id, Kind::Unsigned)?;
+        let mut images = ids.into_iter().zip([&a, &b]);
+        if indices.len() > 0
+            && let Some((id, _)) = images.find(|(_, keypoints)| keypoints.len() == 0)
+        {
+            return Err(self.without_keypoints(id));
+        }
         joined(&a, &b, &indices).map_err(|what| self.damaged(what))
     }
 }

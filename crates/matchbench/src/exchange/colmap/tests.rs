@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::fs;
 use std::path::PathBuf;
+use std::slice;
 use std::sync::Arc;
 
 use matchbench_vision::geometry::{MatchedPoints, transfer};
@@ -196,6 +197,37 @@ fn blobs_that_would_fill_the_memory_are_refused_before_they_are_read() {
     assert!(message.contains("too big"), "{message}");
     let message = refused("UPDATE matches SET rows = 5000001, data = zeroblob(40000008)");
     assert!(message.contains("5000001 matches"), "{message}");
+}
+
+#[test]
+fn an_image_with_matches_and_no_keypoints_is_named() {
+    let (folder, sequence) = dataset();
+    let (database, _) = database(&folder);
+    let two = "(SELECT image_id FROM images WHERE name = 'db/two.png')";
+    let open = |change: String| {
+        let connection = Connection::open(&database).unwrap();
+        connection.execute_batch(&change).unwrap();
+        drop(connection);
+        MatchFiles::open(
+            slice::from_ref(&database),
+            &sequence,
+            &ReadOptions::default(),
+        )
+    };
+    for change in [
+        format!("UPDATE keypoints SET rows = 0, data = zeroblob(0) WHERE image_id = {two}"),
+        format!("DELETE FROM keypoints WHERE image_id = {two}"),
+    ] {
+        let message = open(change).err().unwrap().to_string();
+        let parts = [
+            "db/two.png: the image has matches, and no keypoints",
+            "let COLMAP extract its features",
+        ];
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+    // Without matches it needs none.
+    let files = open("UPDATE matches SET rows = 0, data = NULL".into());
+    assert_eq!(files.unwrap().survey().matches, 0);
 }
 
 /// A page of the tree of a table: five hundred pages below it, all of them `child`.
