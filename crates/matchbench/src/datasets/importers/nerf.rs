@@ -2,8 +2,9 @@
 //! Ramamoorthi, Ng: "NeRF: Representing Scenes as Neural Radiance Fields for View Synthesis", ECCV 2020), instant-ngp
 //! and nerfstudio write it.
 //!
-//! - `frames` has a `file_path` and a `transform_matrix` (4x4) for each image. The matrix is world-from-camera, with
-//!   OpenGL's axes of the camera: x to the right, y up, z backward. Here y and z are turned round.
+//! - `frames` has a `file_path` and a `transform_matrix` (4x4, or 3x4 without the last row, 0 0 0 1) for each image. The
+//!   matrix is world-from-camera, with OpenGL's axes of the camera: x to the right, y up, z backward. Here y and z are
+//!   turned round.
 //! - The camera is `fl_x fl_y cx cy` in pixels, or `camera_angle_x` (radians, the whole width). It stands in a frame, or
 //!   before all of them. Where `fl_y` is missing, it is `fl_x`; where `cx cy` are, they are half of `w h`. Where these
 //!   are missing too, they are the size of the image.
@@ -63,7 +64,7 @@ struct Intrinsics {
 #[derive(Deserialize)]
 struct View {
     file_path: String,
-    transform_matrix: [[f64; 4]; 4],
+    transform_matrix: Vec<[f64; 4]>,
     #[serde(flatten)]
     own: Intrinsics,
 }
@@ -136,11 +137,19 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
 }
 
 /// The pose of a frame, with our axes of the camera.
-fn pose(matrix: &[[f64; 4]; 4]) -> Result<Isometry3<f64>, String> {
-    let numbers = std::array::from_fn(|i| matrix[i / 4][i % 4]);
+fn pose(matrix: &[[f64; 4]]) -> Result<Isometry3<f64>, String> {
+    let numbers = matrix.as_flattened();
+    let motion = match matrix.len() {
+        3 => text::rigid_motion(numbers.try_into().expect("3 rows of 4")),
+        4 => text::rigid_motion_4x4(numbers.try_into().expect("4 rows of 4")),
+        rows => Err(format!(
+            "its transform_matrix has {}, and a pose 3 or 4",
+            counted(rows, "row")
+        )),
+    }?;
     // Half a turn about x, exactly.
     let axes = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0));
-    Ok(text::rigid_motion_4x4(&numbers)? * axes)
+    Ok(motion * axes)
 }
 
 /// The line in which a name first stands.
@@ -436,6 +445,33 @@ mod tests {
             error.contains("images/a.png is for 48x17 pixels, its image has 24x17"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_pose_may_lack_its_last_row_and_is_checked_all_the_same() {
+        let (_folder, src) = source("room", &[("transforms.json", "")]);
+        let read = |matrix: &str| {
+            let frame = format!(r#"{{"file_path": "a.png", "transform_matrix": {matrix}}}"#);
+            let text = format!(r#"{{"w": 24, "h": 17, "fl_x": 20, "frames": [{frame}]}}"#);
+            fs::write(src.join("transforms.json"), text).unwrap();
+            read(&src).map(|found| found.frames[0].world_from_camera.unwrap())
+        };
+        let short = POSE.replace(", [0, 0, 0, 1]]", "]");
+        assert_eq!(read(&short).unwrap(), read(POSE).unwrap());
+        for (from, to, words) in [
+            ("[0, 1, 0, 3]", "[0, 2, 0, 3]", "is not a rotation"),
+            ("[0, 1, 0, 3]", "[0, 0, 0, 1]", "is not a rotation"),
+            ("[0, 1, 0, 3]", "[0, 1, 0]", "expected an array of length 4"),
+            (
+                ", [0, 1, 0, 3]",
+                "",
+                "a.png: its transform_matrix has 2 rows, and a pose 3 or 4",
+            ),
+        ] {
+            assert!(short.contains(from), "{from}");
+            let error = read(&short.replace(from, to)).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
     }
 
     #[test]
