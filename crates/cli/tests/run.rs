@@ -405,6 +405,7 @@ fn runs_that_are_joined_can_be_finished() {
         ("plane", "orb", "best-h"),
         ("both", "sift", "best"),
         ("both", "sift", "best-h"),
+        ("both", "sift", "ransac-e"),
     ] {
         let out = format!("{dataset}-{matcher}-{estimator}");
         let what = ["--matchers", matcher, "--estimator", estimator];
@@ -430,6 +431,25 @@ fn runs_that_are_joined_can_be_finished() {
         let (code, said) = go(&["join", runs[0], runs[1], "--out", name]);
         assert!(code == Some(0) && !said.contains("missing"), "{said}");
     }
+    // Each was finished, and both estimators are planned on both datasets.
+    let (code, said) = go(&[
+        "join",
+        "views-sift-best",
+        "both-sift-ransac-e",
+        "--out",
+        "grown",
+    ]);
+    let why = "6 of 12 planned tasks are missing: the joined run has each matcher with all of its estimators";
+    assert!(code == Some(0) && said.contains(why), "{said}");
+    let (code, said) = go(&["report", "grown"]);
+    assert_eq!(code, Some(0), "{said}");
+    let page = fs::read_to_string(at("grown/report/index.html")).expect("it was written");
+    let command = "run views both --matchers sift --estimator best,ransac-e --seed 0 --out grown";
+    let shown = format!("<code>matchbench {command}</code>");
+    assert!(page.contains(&shown), "{page}");
+    let (code, said) = go(&command.split(' ').collect::<Vec<_>>());
+    let all = "12 tasks done, 6 of them earlier";
+    assert!(code == Some(0) && said.contains(all), "{said}");
 }
 
 #[cfg(unix)]

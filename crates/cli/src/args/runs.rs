@@ -237,9 +237,10 @@ pub(crate) struct MergeArgs {
 The runs may differ in matchers, estimators and datasets. They must agree in the version of
 matchbench, the seed, the pairs and the repetitions, and in the parameters of every matcher and
 estimator that several of them have. If several have records of the same dataset, matcher and
-estimator, those of the run that has the most are taken. The result is a run like any other: `run`
-goes on with it, `eval` and `report` compare all its matchers. A run that is still being written is
-refused.
+estimator, those of the run that has the most are taken. The result is a run like any other, which
+has each matcher with all of its estimators on all of its datasets: `run` goes on with it and
+computes those that no run had, `eval` and `report` compare all its matchers. A run that is still
+being written is refused.
 
 Examples:
   matchbench join gpu/runs/learned runs/native --out runs/all

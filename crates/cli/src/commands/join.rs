@@ -29,7 +29,8 @@ pub(crate) fn run(args: &JoinArgs) -> Result<Ending> {
     );
     if recorded < planned {
         say!(
-            "{} of {} are missing; `matchbench run` with all datasets and matchers goes on",
+            "{} of {} are missing: the joined run has each matcher with all of its estimators on all of its datasets. Its report \
+             names them, and the command that goes on with it",
             planned - recorded,
             counted(planned, "planned task")
         );
