@@ -50,8 +50,9 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
     };
     if array.dtype().is_equiv_to(&numpy::dtype::<u8>(value.py())) {
         return Err(PyValueError::new_err(format!(
-            "{expected}; this one has shape {:?}",
-            array.shape()
+            "{expected}; this one has shape {:?}{}",
+            array.shape(),
+            remedy_of_shape(array.shape())
         )));
     }
     let remedy = match array.dtype().kind() {
@@ -70,6 +71,17 @@ pub(crate) fn image(value: &Bound<'_, PyAny>) -> PyResult<GrayImage> {
         "{expected}; this one has dtype {}{remedy}",
         array.dtype()
     )))
+}
+
+/// How an array of this shape, which is none of an image here, becomes one.
+fn remedy_of_shape(shape: &[usize]) -> &'static str {
+    match shape {
+        [_, _, 1] => "; take its only channel by image[:, :, 0]",
+        [_, _, 4] => "; leave out the fourth channel (alpha) by image[:, :, :3]",
+        [1, _, _] => "; take its only channel by image[0]",
+        [3 | 4, _, _] => "; bring its channels to the end by image.transpose(1, 2, 0)",
+        _ => "",
+    }
 }
 
 /// The size of an image, before its pixels are copied.

@@ -17,7 +17,9 @@ where
     value.extract().map_err(|error: T::Error| {
         let error = error.into();
         if error.is_instance_of::<PyOverflowError>(value.py()) {
-            PyValueError::new_err("a whole number is negative, or too large for this argument")
+            PyValueError::new_err(format!(
+                "the whole number {value} is negative, or too large for this argument"
+            ))
         } else {
             error
         }

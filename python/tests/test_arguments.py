@@ -169,3 +169,72 @@ def test_pictures_of_a_report_may_be_all(command_line_run, dataset, tmp_path):
 def test_pairs_of_an_import_are_a_rule(dataset, tmp_path):
     call = lambda: mb.import_dataset("folder", dataset.path, tmp_path / "out", pairs=[(0, 1)])  # noqa: E731
     refused(call, "pairs: a value of type list; give a rule as text", '"list:pairs.txt"')
+
+
+def test_text_that_is_none_is_refused_where_it_is_given(dataset, tmp_path):
+    def start(matchers="orb", estimators="best", **options):
+        return lambda: mb.run(dataset, matchers, estimators, out=tmp_path / "run", progress=False, **options)
+
+    def named(a, b):
+        return np.empty((0, 2)), np.empty((0, 2))
+
+    odd = "or\udc80b"
+    named.name = odd
+    for call, name in [
+        (lambda: mb.matcher(odd), "id"),
+        (lambda: mb.estimator(odd), "id"),
+        (lambda: mb.matcher("orb", search=odd), "search"),
+        (lambda: mb.matcher("orb", **{odd: 1}), "params"),
+        (start(odd), "matchers"),
+        (start(named), "matchers.name"),
+        (start(estimators=odd), "estimators"),
+        (start(protocols=odd), "protocols"),
+        (start(settings=odd), "settings"),
+        (start(settings={"orb.search": odd}), "orb.search"),
+        (start(keep_matches=odd), "keep_matches"),
+        (lambda: mb.MatchesFrom(odd, "matches.h5"), "name"),
+        (lambda: mb.MatchesFrom("one", "matches.h5", notes={"v": odd}), "notes"),
+        (lambda: mb.rendered_scene(odd, tmp_path), "name"),
+        (lambda: mb.import_dataset(odd, dataset.path, tmp_path / "out"), "kind"),
+        (lambda: mb.import_dataset("folder", dataset.path, tmp_path / "out", property=odd), "property"),
+    ]:
+        refused(call, f"{name}: 'or\\udc80b' has surrogates, which are no characters; give ", kind=ValueError)
+    refused(lambda: mb.pair_seed(odd, "orb", 0, 1), "'or\\udc80b' has surrogates", kind=ValueError)
+    # The name of a file need be no text.
+    assert mb.MatchesFrom("one", odd).parts[1] == [odd]
+
+
+def test_numbers_beyond_their_range_are_refused_by_name(dataset, tmp_path):
+    points, camera = np.zeros((30, 2)), mb.Camera(100, 100, 50, 50)
+    best, image = mb.estimator("best"), np.zeros((40, 50), np.uint8)
+
+    def start(**options):
+        return lambda: mb.run(dataset, "orb", "best", out=tmp_path / "run", progress=False, **options)
+
+    for call in [
+        start(seed=2**64),
+        lambda: best.estimate(points, points, camera, camera, seed=2**64),
+        lambda: mb.estimator("best-h").estimate_homography(points, points, seed=2**64),
+        lambda: mb.matcher("orb").match(image, image, seed=2**64),
+        lambda: mb.show(dataset, 0, 1, seed=2**64),
+        lambda: mb.estimate_relative_pose(points, points, camera, camera, {"seed": 2**64}),
+    ]:
+        refused(call, "seed: 18446744073709551616, must be at most 18446744073709551615", kind=ValueError)
+    refused(start(repeat=2**32), "repeat: 4294967296, must be at most 4294967295", kind=ValueError)
+    refused(start(limit=2**64), "limit: 18446744073709551616, must be at most", kind=ValueError)
+    refused(lambda: mb.pair_seed("room", "orb", 0, 2**32), "4294967296 is negative, or too large", kind=ValueError)
+
+
+def test_a_relative_pose_asks_for_points_and_dicts():
+    points, camera = np.zeros((30, 2)), mb.Camera(100, 100, 50, 50)
+
+    def pose(a=points, b=points, camera_a=camera, ransac_opt={}, bundle_opt={}):
+        return lambda: mb.estimate_relative_pose(a, b, camera_a, camera, ransac_opt, bundle_opt)
+
+    refused(pose(5, 5), "`points_a` must be an array of numbers, n x 2", "a value of type int")
+    refused(pose(None, None), "`points_a` must be an array of numbers, n x 2", "a value of type NoneType")
+    refused(pose(ransac_opt=5), "ransac_opt: a value of type int; give a dict")
+    refused(pose(bundle_opt=["loss_type"]), "bundle_opt: a value of type list; give a dict")
+    refused(pose(bundle_opt={"loss_type": ["CAUCHY"]}), "loss_type is TRUNCATED or CAUCHY", kind=ValueError)
+    refused(pose(ransac_opt={"seed": "1"}), "ransac_opt: seed: a value of type str; give a whole number")
+    refused(pose(camera_a={"model": 5, "params": [5]}), "camera1: model: a value of type int; give a name")

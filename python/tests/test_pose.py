@@ -302,12 +302,13 @@ def test_too_few_matches_are_no_pose():
 @pytest.mark.parametrize("number", [-1, 2**64, 10**30])
 def test_a_number_out_of_range_is_an_argument_like_any_other(number, matches, dataset):
     points, camera = (matches.points_a, matches.points_b), dataset.camera(0)
-    for call in (
-        lambda: mb.estimator("best").estimate(*points, camera, camera, seed=number),
-        lambda: mb.pair_seed("d", "m", number, 0),
-        lambda: mb.Features.from_arrays(np.zeros((1, 2)), np.zeros((1, 2), np.float32), (number, 5)),
+    beyond = f"the whole number {number} is negative, or too large"
+    for call, words in (
+        (lambda: mb.estimator("best").estimate(*points, camera, camera, seed=number), f"seed: {number}, must be at "),
+        (lambda: mb.pair_seed("d", "m", number, 0), beyond),
+        (lambda: mb.Features.from_arrays(np.zeros((1, 2)), np.zeros((1, 2), np.float32), (number, 5)), beyond),
     ):
-        with pytest.raises(ValueError, match="negative, or too large"):
+        with pytest.raises(ValueError, match=words):
             call()
     with pytest.raises(IndexError):
         dataset.read(number)

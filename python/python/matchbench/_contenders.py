@@ -67,7 +67,8 @@ def any_estimator(name: str, given: Any) -> str | NativeEstimator:
 def any_matcher(name: str, given: Any) -> Any:
     """A matcher as the compiled module takes it."""
     if isinstance(given, (str, os.PathLike)):
-        return path(name, given, "a name or a manifest's path")
+        expected = "a name or a manifest's path"
+        return text(name, path(name, given, expected), expected)
     if isinstance(given, type):
         raise TypeError(f"{name}: {given.__name__} is a class; give an instance of it")
     if isinstance(given, MatchesFrom):
@@ -84,8 +85,10 @@ def any_matcher(name: str, given: Any) -> Any:
     if not callable(matching):
         raise refusal(name, given, _MATCHER)
     called = str(getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__)
+    text(f"{name}.name", called, "a name")
     color = bool(getattr(given, "color", False))
     workers = whole(f"{called}.workers", getattr(given, "workers", 1), 1)
     # More than can ever be at work are all of them.
     workers = min(workers, sys.maxsize)
-    return (called, version_of(given), to_json(getattr(given, "params", {})), matching, extract, color, workers)
+    version = text(f"{called}.version", version_of(given), "text")
+    return (called, version, to_json(getattr(given, "params", {})), matching, extract, color, workers)

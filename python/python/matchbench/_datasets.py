@@ -41,8 +41,10 @@ def import_dataset(
     dataset is given as a warning."""
     rule = None if pairs is None else text("pairs", pairs, 'a rule as text, such as "all" or "list:pairs.txt"')
     folder = path("out", out, "the path of the new folder")
+    named = {"sequence": sequence, "sensor": sensor, "property": property}
+    sequence, sensor, property = (None if each is None else text(name, each, "text") for name, each in named.items())
     notes = native_import(
-        kind,
+        text("kind", kind, 'the name of a layout, as in "tum"'),
         path("source", source),
         folder,
         rule,
@@ -55,7 +57,7 @@ def import_dataset(
         image_root,
         intrinsics,
         property,
-        images,
+        text("images", images, '"reference", "link" or "copy"'),
     )
     for note in notes:
         warnings.warn(note, stacklevel=2)
@@ -92,7 +94,7 @@ def write_dataset(
     if len(taken) != count:
         raise ValueError(f"cameras: {len(taken)} for {count} images; give one for each, or one Camera for all")
     frames = list(zip(files, taken, _poses(world_from_camera, count), strict=True))
-    chosen = pairs if isinstance(pairs, str) else _pairs(pairs, count)
+    chosen = text("pairs", pairs, "a rule") if isinstance(pairs, str) else _pairs(pairs, count)
     about = (text("origin", origin, "a line of text"), text("property", property, "a few words"))
     folder = path("out", out, "the path of the new folder")
     native_write(folder, frames, chosen, *about, text("store", store, '"reference", "link" or "copy"'))
@@ -138,4 +140,5 @@ def rendered_scene(
 ) -> Dataset:
     """A scene with exact poses, rendered into `folder` if it does not exist yet. It does not replace your own images.
     With `frames`, only the first so many frames are rendered. `size` is (width, height)."""
-    return Dataset.open(native_scene(name, path("folder", folder, "the path of a folder"), frames, size))
+    scene = text("name", name, 'the name of a scene, as in "cabinet"')
+    return Dataset.open(native_scene(scene, path("folder", folder, "the path of a folder"), frames, size))

@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 
 from ._native import Camera, HomographyEstimate, PoseEstimate
 from ._native import Estimator as NativeEstimator
-from ._params import to_json
+from ._params import seed_of, text, to_json
 
 
 class Estimator:
     """An estimator, as the command line has it; see `estimator`."""
 
     def __init__(self, id: str, **params: Any) -> None:
-        self._native = NativeEstimator(id, to_json(params))
+        self._native = NativeEstimator(text("id", id, 'a name, as in "best"'), to_json(params))
 
     @property
     def id(self) -> str:
@@ -65,7 +65,8 @@ class Estimator:
         With the `seed` of `pair_seed`, the result is that of a run; the same input and seed give the same bits.
 
         Raises `NoModel` if the matches determine no pose."""
-        return self._native.estimate(points_a, points_b, camera_a, camera_b, ambiguity, turns, growths, seed)
+        drawn = seed_of(seed)
+        return self._native.estimate(points_a, points_b, camera_a, camera_b, ambiguity, turns, growths, drawn)
 
     def estimate_homography(
         self,
@@ -80,7 +81,7 @@ class Estimator:
         `ambiguity`, `turns` and `seed` are those of `estimate`.
 
         Raises `NoModel` if the matches determine no homography."""
-        return self._native.estimate_homography(points_a, points_b, ambiguity, turns, seed)
+        return self._native.estimate_homography(points_a, points_b, ambiguity, turns, seed_of(seed))
 
     def __repr__(self) -> str:
         return f"estimator({self.id!r}, **{self.params})"

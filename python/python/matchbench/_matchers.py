@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from ._native import Camera, Features, Matches
 from ._native import Matcher as NativeMatcher
-from ._params import to_json
+from ._params import seed_of, text, to_json
 
 
 class Matcher:
     """A matcher, as the command line has it; see `matcher`."""
 
     def __init__(self, id: str, **params: Any) -> None:
-        self._native = NativeMatcher(id, to_json(params))
+        self._native = NativeMatcher(text("id", id, 'a name, as in "sift"'), to_json(params))
 
     @property
     def id(self) -> str:
@@ -47,7 +47,7 @@ class Matcher:
         seed: int = 0,
     ) -> Matches:
         """Matched points of two images. Only RepMatch uses the cameras."""
-        return self._native.match_images(image_a, image_b, camera_a, camera_b, seed)
+        return self._native.match_images(image_a, image_b, camera_a, camera_b, seed_of(seed))
 
     def __repr__(self) -> str:
         return f"matcher({self.id!r}, **{self.params})"

@@ -73,4 +73,4 @@ def _notes(given: Any) -> dict[str, str]:
     if not isinstance(given, Mapping):
         raise refusal("notes", given, 'a dict, such as {"device": "RTX 4090"}')
     notes = cast("Mapping[Any, Any]", given)
-    return {text("notes", name, "names that are text"): str(value) for name, value in notes.items()}
+    return {text("notes", name, "names that are text"): text("notes", str(value), "text") for name, value in notes.items()}

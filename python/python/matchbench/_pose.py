@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numbers
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._estimators import estimator
 from ._native import Camera, NoModel
+from ._params import refusal, seed_of, several, text
 
 _RANSAC = {
     "max_iterations": "max_iterations",
@@ -78,9 +78,12 @@ def estimate_relative_pose(
     """
     params: dict[str, Any] = {"sampler": "prosac" if ambiguity is not None else "uniform"}
     seed = 0
+    for name, given in (("ransac_opt", ransac_opt), ("bundle_opt", bundle_opt)):
+        if not isinstance(given, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise refusal(name, given, "a dict")
     for key, value in ransac_opt.items():
         if key == "seed":
-            seed = operator.index(value)
+            seed = seed_of(value, "ransac_opt: seed")
         elif key == "progressive_sampling":
             if ambiguity is not None and not value:
                 raise ValueError("ambiguity orders the samples; leave it out, or progressive_sampling")
@@ -89,7 +92,7 @@ def estimate_relative_pose(
             _put(params, "ransac_opt", _RANSAC, key, value, "progressive_sampling", "seed")
     for key, value in bundle_opt.items():
         if key == "loss_type":
-            if value not in _LOSSES:
+            if not isinstance(value, str) or value not in _LOSSES:
                 raise ValueError(f"bundle_opt: loss_type is {' or '.join(_LOSSES)}, not {value!r}")
             params["final_loss"] = _LOSSES[value]
         else:
@@ -100,15 +103,15 @@ def estimate_relative_pose(
         params.setdefault("min_iterations", most)
     best = estimator("best", **params)
     cameras = _camera(camera1, "camera1", origin), _camera(camera2, "camera2", origin)
-    count = len(np.asarray(points2D_1))
     try:
         found = best.estimate(points2D_1, points2D_2, *cameras, ambiguity=ambiguity, seed=seed)
     except NoModel as reason:
+        count = len(np.asarray(points2D_1))
         info = {"num_inliers": 0, "inlier_ratio": 0.0, "inliers": [False] * count, "iterations": 0}
         return None, {**info, "no_pose": str(reason)}
     info = {
         "num_inliers": found.num_inliers,
-        "inlier_ratio": found.num_inliers / count,
+        "inlier_ratio": found.num_inliers / len(found.inliers),
         "inliers": found.inliers.tolist(),
         "iterations": found.iterations,
     }
@@ -140,7 +143,9 @@ def _camera(camera: Mapping[str, Any] | Camera, name: str, origin: str) -> Camer
     unknown = set(camera) - {"model", "width", "height", "params"}
     if unknown or not {"model", "params"} <= set(camera):
         raise ValueError(f"{name} has the keys {sorted(camera)}; expected model, width, height and params")
+    model = text(f"{name}: model", camera["model"], 'a name, as in "PINHOLE"')
     try:
-        return Camera.from_model(camera["model"], [float(x) for x in camera["params"]], origin=origin)
+        params = [float(x) for x in several(f"{name}: params", camera["params"])]
+        return Camera.from_model(model, params, origin=origin)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None

@@ -14,10 +14,12 @@ from ._native import Dataset
 from ._native import join as native_join
 from ._native import report as native_report
 from ._native import run as native_run
-from ._params import path, text, whole
+from ._params import path, seed_of, text, whole
 from ._progress import shown
 
 _Path = str | os.PathLike[str]
+# Records hold these in 32 bits.
+_MOST = {"repeat": 2**32 - 1, "time_budget_ms": 2**32 - 1}
 
 
 @dataclass(frozen=True)
@@ -112,8 +114,8 @@ def run(
     counts = {"repeat": repeat, "limit": limit, "sample": sample, "time_budget_ms": time_budget_ms, "threads": threads}
     for name, count in counts.items():
         if count is not None:
-            whole(name, count, 1)
-    set_to, drawn = changes(settings), whole("seed", seed, 0)
+            whole(name, count, 1, most=_MOST.get(name, sys.maxsize))
+    set_to, drawn = changes(settings), seed_of(seed)
     folder = path("out", out, "the path of the folder of the run")
     kept = None if cache is None else path("cache", cache, "the path of a folder, or None")
     opened = [any_dataset("dataset", each) for each in datasets]
@@ -130,7 +132,7 @@ def run(
             limit,
             sample,
             time_budget_ms,
-            keep_matches,
+            text("keep_matches", keep_matches, '"all", "inliers" or "none"'),
             retry_failed,
             kept,
             threads,

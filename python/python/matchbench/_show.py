@@ -11,9 +11,11 @@ from ._contenders import any_dataset, any_estimator, any_matcher, changes
 from ._estimators import Estimator
 from ._native import Dataset
 from ._native import show as native_show
-from ._params import whole
+from ._params import seed_of, whole
 
 _Path = str | os.PathLike[str]
+# Frames are numbered in 32 bits.
+_LAST = 2**32 - 1
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,12 +57,12 @@ def show(
     """
     png, notes = native_show(
         any_dataset("dataset", dataset),
-        whole("a", a, 0),
-        whole("b", b, 0),
+        whole("a", a, 0, most=_LAST),
+        whole("b", b, 0, most=_LAST),
         any_matcher("matcher", matcher),
         [] if estimator is None else [any_estimator("estimator", estimator)],
         changes(settings),
-        whole("seed", seed, 0),
+        seed_of(seed),
         keypoints,
     )
     for note in notes:
