@@ -101,7 +101,8 @@ window.addEventListener("load", () => {
 </script>
 "##;
 
-/// A page on a telephone: nothing but tables in their boxes may be wider than it, and no name is cut off.
+/// A page on a telephone: nothing but tables and charts in their boxes may be wider than it, no name is cut off, and the text
+/// of charts, 11 units high, can be read.
 const NARROW: &str = r#"
 <iframe id="page" width="390" height="800" style="border: 0" src="PAGE"></iframe>
 <script>
@@ -109,8 +110,11 @@ window.addEventListener("load", () => {
   const page = document.getElementById("page").contentDocument.documentElement;
   const cut = [...page.querySelectorAll("th.name")].filter((name) => name.scrollWidth > name.clientWidth);
   const squeezed = [...page.querySelectorAll("th.name:first-child")].filter((name) => name.clientWidth > 0 && name.clientWidth < 60);
+  const height = (chart) => (11 * chart.getBoundingClientRect().width) / chart.viewBox.baseVal.width;
+  const heights = [...page.querySelectorAll("svg.chart")].map(height).filter((height) => height > 0);
+  const tiny = heights.filter((height) => height < 8);
   const width = page.scrollWidth;
-  document.body.dataset.probe = width > 390 ? `${width} pixels wide` : cut.length ? `${cut[0].textContent} is cut off` : squeezed.length ? `${squeezed[0].textContent} is squeezed` : "fits";
+  document.body.dataset.probe = width > 390 ? `${width} pixels wide` : cut.length ? `${cut[0].textContent} is cut off` : squeezed.length ? `${squeezed[0].textContent} is squeezed` : tiny.length ? `text of ${tiny} pixels` : "fits";
 });
 </script>
 "#;
@@ -130,6 +134,21 @@ window.addEventListener("load", () => {
   const texts = [...page.querySelectorAll("svg.chart text")].filter(isOutside).map((text) => text.textContent);
   const fits = tables.length > 0 && cut.length === 0 && texts.length === 0;
   document.body.dataset.probe = fits ? "fits" : `${cut.length} of ${tables.length} tables, and ${texts}`;
+});
+</script>
+"#;
+
+/// The page of a comparison on a desk: the pictures of a pair begin at one height, also where words above one of them need
+/// more lines.
+const BESIDE: &str = r#"
+<iframe id="page" width="1280" height="800" style="border: 0" src="PAGE"></iframe>
+<script>
+window.addEventListener("load", () => {
+  const page = document.getElementById("page").contentDocument;
+  const pairs = [...page.querySelectorAll(".beside")].map((pair) => [...pair.querySelectorAll(".picture")]);
+  pairs[0][0].previousElementSibling.append(" and more words".repeat(20));
+  const isLevel = (pictures) => new Set(pictures.map((picture) => picture.getBoundingClientRect().top)).size === 1;
+  document.body.dataset.probe = pairs.every(isLevel) ? "level" : "not level";
 });
 </script>
 "#;
@@ -183,6 +202,10 @@ fn page_works_in_a_browser() {
     fs::write(&wide, WIDE.replace("PAGE", "run/report/index.html")).expect("writable");
     let (dom, log) = look(&browser, folder.path(), &wide);
     assert_eq!(found_in(&dom), "fits", "{log}");
+    let beside = folder.path().join("beside.html");
+    fs::write(&beside, BESIDE.replace("PAGE", "differ/index.html")).expect("writable");
+    let (dom, log) = look(&browser, folder.path(), &beside);
+    assert_eq!(found_in(&dom), "level", "{log}");
     for page in [
         "run/report/index.html",
         "site/index.html",
