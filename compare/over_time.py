@@ -37,7 +37,7 @@ CURVES = {
     "adaptive, one hypothesis": [100, 200, 500, 1000, 2000, 5000, 20000],
     "best, turns": [100, 200, 500, 1000, 2000, 5000, 20000],
     "adaptive, points alone": [100, 200, 500, 1000, 2000, 5000, 20000],
-    "ransac-e": [200, 1000, 5000, 20000],
+    "LO-RANSAC": [200, 1000, 5000, 20000],
     "PoseLib": [100, 200, 1000, 5000, 20000],
     "PoseLib, PROSAC": [100, 200, 1000, 5000, 20000],
     "OpenCV USAC_MAGSAC": [200, 1000, 5000],
@@ -54,7 +54,7 @@ STYLES = {
     "adaptive": ("C1", "-"),
     "adaptive, one hypothesis": ("C1", ":"),
     "adaptive, points alone": ("C1", "--"),
-    "ransac-e": ("C7", "-"),
+    "LO-RANSAC": ("C7", "-"),
     "PoseLib": ("C3", "--"),
     "PoseLib, PROSAC": ("C3", "-"),
     "OpenCV USAC_MAGSAC": ("C2", "--"),
@@ -63,15 +63,16 @@ STYLES = {
     "SupeRANSAC": ("C5", "-"),
 }
 
-# The settings of our estimators. `turns` says whether the rotation of keypoints is used, and with several hypotheses, as
-# `adaptive` has them, their growth is too; the other libraries cannot use them.
+# The settings of our estimators. `LO-RANSAC` is what `SampleConsensus` of the library does by default: MSAC at 1 px with local
+# optimisation. `turns` says whether the rotation of keypoints is used, and with several hypotheses, as `adaptive` has them,
+# their growth is too; the other libraries cannot use them.
 OURS = {
     "best": lambda budget: estimators.preset("best", budget),
     "best, turns": lambda budget: estimators.preset("best", budget) + " turns=true",
     "adaptive": lambda budget: estimators.preset("adaptive", budget),
     "adaptive, one hypothesis": lambda budget: estimators.preset("adaptive", budget) + " hypotheses=1",
     "adaptive, points alone": lambda budget: estimators.preset("adaptive", budget) + " turns=false",
-    "ransac-e": lambda budget: f"iterations={budget}",
+    "LO-RANSAC": lambda budget: f"iterations={budget}",
 }
 
 
