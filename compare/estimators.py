@@ -98,12 +98,12 @@ def peer_colmap(matches, k, options, seed):
     return (pose[:, :3], pose[:, 3]), seconds
 
 
-def peer_opencv(matches, k, method, samples=1000):
+def peer_opencv(matches, k, method, samples=1000, threshold=1.0):
     start = time.perf_counter()
     if len(matches) < 5:
         return None, time.perf_counter() - start
     a, b = np.ascontiguousarray(matches[:, :2]), np.ascontiguousarray(matches[:, 2:4])
-    e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, 1.0, samples)
+    e, _ = cv2.findEssentialMat(a, b, k, method, 0.999, threshold, samples)
     if e is None or e.shape != (3, 3):
         return None, time.perf_counter() - start
     _, r, t, _ = cv2.recoverPose(e, a, b, k)

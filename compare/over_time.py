@@ -1,6 +1,7 @@
 """AUC over time of our estimators and those of PoseLib, OpenCV, COLMAP and SupeRANSAC, each with several limits of samples.
 
     python compare/over_time.py RUN DATASET MATCHER --truth DATASET_FOLDER --out FOLDER [--every 6] [--seeds 5]
+        [--threshold 1.0]
 
 Arguments, matches, estimators and the order of their runs are those of `estimators.py`. Each estimator gives a curve, and
 each budget (limit of samples) a point of it: the mean AUC over seeds with its deviation, and the median time of an
@@ -10,6 +11,8 @@ clearest match comes first, and only the seed changes. So OpenCV's USAC_PROSAC, 
 result, however many seeds are asked for. SupeRANSAC takes no seed: version 1.0 draws other samples at every call, and later
 sources the same ones, which is one result too. One result has no deviation. `superansac.py` says how SupeRANSAC is called.
 If it is not installed, it is left out.
+`--threshold` is that of PoseLib, OpenCV and COLMAP in pixels: 1, as in the published curves, or another, to see whether it
+serves them better.
 `FOLDER` gets `DATASET-MATCHER.csv` and a plot of it, and a `table.md` of all these files in it.
 """
 
@@ -76,7 +79,7 @@ OURS = {
 }
 
 
-def estimate(curve, budget, chunk, k, seed):
+def estimate(curve, budget, chunk, k, seed, threshold):
     """A pose and its seconds for each pair of the chunk."""
     if curve in OURS:
         yield from estimators.ours(chunk, k, OURS[curve](budget), seed)
@@ -87,24 +90,24 @@ def estimate(curve, budget, chunk, k, seed):
         clearest = superansac.clearest_first(matches)
         shuffled = estimators.shuffled(key, matches, seed)
         if curve == "PoseLib":
-            options = {"max_iterations": budget, "min_iterations": least}
+            options = {"max_iterations": budget, "min_iterations": least, "max_epipolar_error": threshold}
             yield estimators.peer_poselib(shuffled, k, options, seed)
         elif curve == "PoseLib, PROSAC":
-            options = {"max_iterations": budget, "min_iterations": least, "progressive_sampling": True}
-            yield estimators.peer_poselib(clearest, k, options, seed)
+            options = {"max_iterations": budget, "min_iterations": least, "max_epipolar_error": threshold}
+            yield estimators.peer_poselib(clearest, k, {**options, "progressive_sampling": True}, seed)
         elif curve == "OpenCV USAC_MAGSAC":
-            yield estimators.peer_opencv(shuffled, k, cv2.USAC_MAGSAC, budget)
+            yield estimators.peer_opencv(shuffled, k, cv2.USAC_MAGSAC, budget, threshold)
         elif curve == "OpenCV USAC_PROSAC":
-            yield estimators.peer_opencv(clearest, k, cv2.USAC_PROSAC, budget)
+            yield estimators.peer_opencv(clearest, k, cv2.USAC_PROSAC, budget, threshold)
         elif curve == "SupeRANSAC":
             options = {"max_iterations": budget, "min_iterations": least}
             yield superansac.peer(clearest, k, options)
         else:
-            options = {"max_num_trials": budget, "min_num_trials": least, "max_error": 1.0}
+            options = {"max_num_trials": budget, "min_num_trials": least, "max_error": threshold}
             yield estimators.peer_colmap(shuffled, k, options, seed)
 
 
-def measure(pairs, error, k, seeds, curves):
+def measure(pairs, error, k, seeds, curves, threshold):
     """Errors and seconds by (curve, budget) and seed."""
     errors, seconds = {}, {}
     for seed in range(seeds):
@@ -112,7 +115,7 @@ def measure(pairs, error, k, seeds, curves):
             chunk = pairs[start : start + estimators.CHUNK]
             for curve in curves:
                 for budget in CURVES[curve]:
-                    found = estimate(curve, budget, chunk, k, seed)
+                    found = estimate(curve, budget, chunk, k, seed, threshold)
                     for ((key, _), (pose, time)) in zip(chunk, found):
                         found_errors = errors.setdefault((curve, budget), [[] for _ in range(seeds)])
                         found_errors[seed].append(error(key, pose))
@@ -166,12 +169,13 @@ def tabulate(folder):
 def main():
     parser = estimators.arguments(__doc__, seeds=5)
     parser.add_argument("--out", type=pathlib.Path, required=True)
+    parser.add_argument("--threshold", type=float, default=1.0, help="pixels, of PoseLib, OpenCV and COLMAP")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     k, pairs, error = estimators.read(args)
     estimators.check_names(CURVES, args.only)
     curves = estimators.chosen_names(CURVES, args.only)
-    errors, seconds = measure(pairs, error, k, args.seeds, curves)
+    errors, seconds = measure(pairs, error, k, args.seeds, curves, args.threshold)
     rows = []
     for (curve, budget), by_seed in errors.items():
         scores = [mean_auc(list(found)) for found in by_seed]
@@ -189,7 +193,8 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     name = f"{args.dataset}-{args.matcher}"
     with open(args.out / f"{name}.csv", "w", newline="") as file:
-        file.write(f"# {processor()}; {len(pairs)} pairs, {args.seeds} seeds; {estimators.versions()}\n")
+        others = "" if args.threshold == 1.0 else f", threshold {args.threshold} px"
+        file.write(f"# {processor()}; {len(pairs)} pairs, {args.seeds} seeds; {estimators.versions()}{others}\n")
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()
         writer.writerows(rows)
