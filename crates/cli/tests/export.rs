@@ -155,6 +155,46 @@ fn inliers_are_those_of_the_matchers_that_were_run_with_the_estimator() {
 }
 
 #[test]
+fn a_matcher_without_matches_is_left_out_of_what_is_exported() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    dataset(folder, "wall", 3);
+    // Too few for a pose, and of a pair that is not run.
+    for (name, pair) in [("few", "0_1"), ("none", "1_2")] {
+        fs::create_dir(folder.join(name)).expect("writable");
+        let matches = "1 2 3 4 1\n5 6 7 8 1\n9 10 11 12 1\n";
+        fs::write(folder.join(name).join(format!("{pair}.txt")), matches).expect("writable");
+    }
+    let run = "run wall --matches few=few --matches none=none --matchers orb --estimator ransac-e --limit 1 \
+               --pixel-center 0 --out run";
+    go(folder, &run.split(' ').collect::<Vec<_>>());
+    let export = |how: &str| {
+        let done = go(folder, &how.split(' ').collect::<Vec<_>>());
+        assert!(done.status.success(), "{how}");
+        String::from_utf8(done.stderr).expect("UTF-8")
+    };
+    let failed = "`none` on `wall` is left out: all pairs failed";
+    let told = export("export run out --format npz");
+    assert!(told.contains(failed), "{told}");
+    let no_pose =
+        |name| format!("`{name}` on `wall` is left out: no pair has a pose or homography");
+    let told = export("export run out --format npz --inliers ransac-e");
+    assert!(
+        told.contains(&no_pose("few")) && told.contains(&no_pose("none")),
+        "{told}"
+    );
+    for written in ["few", "orb", "orb+ransac-e"] {
+        assert!(folder.join("out").join(written).is_dir(), "{written}");
+    }
+    let run =
+        "run wall --matches none=none --estimator ransac-e --limit 1 --pixel-center 0 --out alone";
+    go(folder, &run.split(' ').collect::<Vec<_>>());
+    let done = go(folder, &["export", "alone", "nothing", "--format", "npz"]);
+    let told = String::from_utf8(done.stderr).expect("UTF-8");
+    assert!(told.contains("alone holds nothing to export"), "{told}");
+}
+
+#[test]
 fn inliers_are_as_many_as_the_estimator_counted_in_the_pixels_of_its_protocol() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();

@@ -13,9 +13,7 @@ use matchbench::datasets::Sequence;
 use matchbench::exchange::{Export, Format, check_dataset};
 use matchbench::metrics::load_run;
 use matchbench::protocols;
-use matchbench::records::{
-    DatasetPlan, MatcherPlan, Outcome, Plan, RunFolder, RunRecord, Task, authors,
-};
+use matchbench::records::{DatasetPlan, MatcherPlan, Plan, RunFolder, RunRecord, Task, authors};
 
 use super::eval::warn_of_unrecorded;
 use crate::Ending;
@@ -85,7 +83,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Ending> {
             any |= write(args, &run, format, (dataset, &sequence), matcher)?;
         }
     }
-    ensure!(any, "{} holds no records yet", args.run.display());
+    ensure!(any, "{} holds nothing to export", args.run.display());
     Ok(Ending::Done)
 }
 
@@ -156,7 +154,7 @@ fn with_estimator<'a>(
     Ok(with)
 }
 
-/// Writes the matches of one matcher on one dataset; `false` if nothing of it is recorded yet.
+/// Writes the matches of one matcher on one dataset; `false` if there are none to be written, which is told.
 fn write(
     args: &ExportArgs,
     run: &RunFolder,
@@ -172,14 +170,18 @@ fn write(
     let Some(estimator) = estimator else {
         bail!("`{}` was run without an estimator", matcher.id);
     };
-    let records = run.records_of(&dataset.name, &matcher.id, &estimator.id)?;
+    let mut records = run.records_of(&dataset.name, &matcher.id, &estimator.id)?;
+    records.retain(|record| record.task.repetition == 0);
+    let left_out = |why: &str| {
+        let (matcher, dataset) = (&matcher.id, &dataset.name);
+        say!("note: `{matcher}` on `{dataset}` is left out: {why}");
+        Ok(false)
+    };
     if records.is_empty() {
-        say!(
-            "note: nothing of `{}` on `{}` is recorded yet; it is left out",
-            matcher.id,
-            dataset.name
-        );
-        return Ok(false);
+        return left_out("nothing is recorded yet");
+    }
+    if args.inliers.is_some() && !records.iter().any(|record| record.outcome.is_estimate()) {
+        return left_out("no pair has a pose or homography");
     }
     let protocol = protocols::of_estimator(&estimator.id);
     let export_of = |matches: &_| {
@@ -194,6 +196,9 @@ fn write(
         export = export_of(&inliers)?;
         are_inliers = true;
     }
+    if export.pairs.is_empty() && records.iter().all(|record| record.outcome.has_failed()) {
+        return left_out("all pairs failed");
+    }
     ensure!(
         !export.pairs.is_empty(),
         "{} holds no matches of `{}` on `{}`; run it with --keep-matches all",
@@ -203,11 +208,8 @@ fn write(
     );
     if !are_inliers {
         let is_missing = |record: &&RunRecord| {
-            let Task {
-                a, b, repetition, ..
-            } = record.task;
-            let is_broken = matches!(record.outcome, Outcome::Failed { .. });
-            repetition == 0 && !is_broken && !matches.contains((a, b, repetition))
+            let Task { a, b, .. } = record.task;
+            !record.outcome.has_failed() && !matches.contains((a, b, 0))
         };
         let missing = records.iter().filter(is_missing).count();
         if missing > 0 {
