@@ -12,16 +12,13 @@ use std::path::{Path, PathBuf};
 use crate::datasets::{Pair, Sequence, is_dataset, read_pairs, read_poses_of_pairs};
 use crate::files::{LineError, read_text_lines};
 use crate::protocols;
-use crate::records::authors::{self, Row};
+use crate::records::authors::{self, Row, TRUTH};
 
 use super::listed::listed_pairs;
 use super::pair_choice::{PairChoice, frames_at_hand};
 use super::pair_result::scored;
 use super::results::{files, folders, sort, twice};
 use super::{Failure, FileResults, PairResult, ResultSet, ResultsError};
-
-/// Stem of the file of true poses.
-const TRUTH: &str = "groundtruth";
 
 /// Every set of results of a folder in the authors' layout, in the order of names.
 pub(super) fn load_published(

@@ -20,6 +20,9 @@ use super::{Outcome, RunRecord, Task};
 use crate::counted::counted;
 use crate::files::{LineError, read_file, read_text_lines, write_whole};
 
+/// What the file of the true poses of a dataset is called, without its ending: it is not of a matcher.
+pub const TRUTH: &str = "groundtruth";
+
 /// Why a file in the authors' layout cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -127,8 +130,8 @@ pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
 }
 
 /// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher
-/// was run with several estimators or under a protocol, by which its rows are to be read, and returns the files. The
-/// layout has one row per pair, so only the first repetition is written, and no place for homographies, so methods
+/// was run with several estimators or under a protocol, by which its rows are to be read, or is called [`TRUTH`], and
+/// returns the files. The layout has one row per pair, so only the first repetition is written, and no place for homographies, so methods
 /// that estimate these are left out.
 ///
 /// # Errors
@@ -164,7 +167,8 @@ pub fn write(out: &Path, records: &[RunRecord]) -> Result<Vec<PathBuf>, AuthorsE
     (texts.into_iter())
         .map(|((matcher, estimator), text)| {
             let (dataset, id) = matcher;
-            let is_plain = estimators[&matcher].len() == 1 && !estimator.contains('@');
+            let is_plain =
+                estimators[&matcher].len() == 1 && !estimator.contains('@') && id != TRUTH;
             let name = if is_plain {
                 format!("{id}.txt")
             } else {
@@ -383,6 +387,15 @@ mod tests {
             .map(|path| path.file_name().unwrap().to_owned())
             .collect();
         assert_eq!(names, ["sift+lmeds-e.txt", "sift+ransac-e.txt"]);
+    }
+
+    #[test]
+    fn results_are_not_called_as_the_truth_beside_them() {
+        let out = tempfile::tempdir().unwrap();
+        let mut oracle = record("best", 1, 0, solved());
+        oracle.task.matcher = TRUTH.into();
+        let expected = out.path().join("05-castle/groundtruth+best.txt");
+        assert_eq!(write(out.path(), &[oracle]).unwrap(), [expected]);
     }
 
     #[test]
