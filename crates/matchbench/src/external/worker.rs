@@ -88,10 +88,9 @@ impl Worker {
                 identity,
                 timeout: manifest.timeout,
             }),
-            Err(Problem::Refused(reason)) => Err(format!(
-                "it refuses its parameters: {}",
-                told(reason.as_bytes())
-            )),
+            Err(Problem::Refused(reason)) => {
+                Err(format!("it refuses its parameters: {}", stated(&reason)))
+            }
             Err(Problem::Wrong(wrong)) => Err(format!("{wrong} ({})", process.kill())),
         }
     }
@@ -117,7 +116,7 @@ impl Worker {
             Err(wrong) => wrong,
             Ok(answer) => match (answer.subject(), answer) {
                 (Some(subject), Answer::Failed { reason, .. }) if request.is_about(&subject) => {
-                    return Err(Fault::Said(told(reason.as_bytes())));
+                    return Err(Fault::Said(stated(&reason)));
                 }
                 (Some(subject), answer) if request.is_about(&subject) => {
                     return Ok((answer, start.elapsed().as_secs_f64()));
@@ -189,6 +188,14 @@ fn greeting(
         version,
         pixel_center,
     })
+}
+
+/// The reason that the child gives, fit to be shown.
+fn stated(reason: &str) -> String {
+    match told(reason.as_bytes()) {
+        none if none.is_empty() => "it gives no reason".into(),
+        reason => reason,
+    }
 }
 
 /// The next answer, or why there is none.

@@ -166,6 +166,9 @@ fn misbehave(behaviour: &str, request: &Value) {
         "cannot" => {
             say(&json!({"type": "failed", "pair": request["pair"], "reason": "no\x07 memory"}));
         }
+        "gives-no-reason" => {
+            say(&json!({"type": "failed", "pair": request["pair"], "reason": " "}));
+        }
         other => panic!("no behaviour is called {other}"),
     }
 }

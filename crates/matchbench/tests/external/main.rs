@@ -217,6 +217,12 @@ fn a_child_that_says_that_it_cannot_is_kept() {
 }
 
 #[test]
+fn a_failure_without_a_reason_is_told_as_such() {
+    let told = Err(Breakdown::Said("it gives no reason".into()));
+    assert_eq!(Bench::new("gives-no-reason").ask(13), told);
+}
+
+#[test]
 fn failures_over_three_images_in_a_row_end_a_matcher_with_its_log_named() {
     let bench = Bench::new("always-ends");
     for name in ["a", "b"] {
