@@ -145,6 +145,26 @@ fn the_script_for_slurm_does_what_one_machine_does() {
     done(matchbench().arg("eval").arg(at("merged")));
 }
 
+#[cfg(unix)] // `sh`
+#[test]
+fn a_file_that_cannot_be_written_to_its_end_is_named() {
+    let folder = planned("2");
+    for shard in ["1", "2"] {
+        let mut work = matchbench();
+        work.args(["work", "plan", "--shard", shard]);
+        done(work.current_dir(folder.path()));
+    }
+    // Files of matches are longer than this limit: 20 or 40 KB, as shells count.
+    let limited = "trap '' XFSZ; ulimit -f 40; exec \"$@\"";
+    let mut merge = Command::new("sh");
+    merge.args(["-c", limited, "sh", env!("CARGO_BIN_EXE_matchbench")]);
+    merge.args(["merge", "plan", "--out", "merged"]);
+    let output = merge.current_dir(folder.path()).output();
+    let said = String::from_utf8(output.expect("it ran").stderr).expect("UTF-8");
+    let named = "error: cannot write merged/matches/wall/";
+    assert!(said.contains(named), "{said}");
+}
+
 #[test]
 fn a_killed_shard_goes_on_and_copied_folders_serve() {
     let folder = planned("2");

@@ -45,19 +45,11 @@ pub(crate) struct WholeFile {
 }
 
 impl WholeFile {
-    /// Starts a file for `path`.
-    ///
-    /// # Errors
-    /// As [`write_whole`].
-    pub(crate) fn create(path: &Path) -> io::Result<Self> {
-        Self::create_unnamed(path).map_err(named(path))
-    }
-
-    /// As [`create`](Self::create), for callers whose own errors name the path.
+    /// Starts a file for `path`. As in [`write_unnamed`], whoever calls this or what follows names the path in errors.
     ///
     /// # Errors
     /// As [`write_unnamed`].
-    pub(crate) fn create_unnamed(path: &Path) -> io::Result<Self> {
+    pub(crate) fn create(path: &Path) -> io::Result<Self> {
         let earlier = earlier(path)?.map(|(earlier, _)| earlier);
         let path = followed(path)?;
         let beside = BufWriter::new(beside(&path)?);
@@ -71,17 +63,8 @@ impl WholeFile {
     /// Moves the finished file to its path.
     ///
     /// # Errors
-    /// As [`write_whole`].
-    pub(crate) fn finish(self) -> io::Result<()> {
-        let path = self.path.clone();
-        self.finish_unnamed().map_err(named(&path))
-    }
-
-    /// As [`finish`](Self::finish), for callers whose own errors name the path.
-    ///
-    /// # Errors
     /// As [`write_unnamed`].
-    pub(crate) fn finish_unnamed(self) -> io::Result<()> {
+    pub(crate) fn finish(self) -> io::Result<()> {
         let beside = (self.beside.into_inner()).map_err(io::IntoInnerError::into_error)?;
         put(beside, &self.path, self.earlier.as_ref())
     }

@@ -274,13 +274,13 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
 /// As [`recover`]; or if it cannot be written. The old file is then still there.
 pub(super) fn put_behind(path: &Path, other: &Path) -> Result<(), StoreError> {
     let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
-    let mut file = WholeFile::create_unnamed(path).map_err(write)?;
+    let mut file = WholeFile::create(path).map_err(write)?;
     for part in [path, other] {
         recover_each(part, |_, _| Ok::<_, StoreError>(()))?;
         let mut lines = open_file(part).map_err(read)?;
         io::copy(&mut lines, &mut file).map_err(write)?;
     }
-    file.finish_unnamed().map_err(write)
+    file.finish().map_err(write)
 }
 
 /// Writes a file anew with these lines in the place of those with the same numbers, from 0; the others stay as they are.
@@ -291,7 +291,7 @@ pub(super) fn put_behind(path: &Path, other: &Path) -> Result<(), StoreError> {
 pub(crate) fn replace(path: &Path, lines: &BTreeMap<usize, RecordLine>) -> Result<(), StoreError> {
     let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
     let mut old = BufReader::new(open_file(path).map_err(read)?);
-    let mut file = WholeFile::create_unnamed(path).map_err(write)?;
+    let mut file = WholeFile::create(path).map_err(write)?;
     let (mut line, mut replaced) = (Vec::new(), 0);
     for number in 0.. {
         line.clear();
@@ -308,7 +308,7 @@ pub(crate) fn replace(path: &Path, lines: &BTreeMap<usize, RecordLine>) -> Resul
             "it has become shorter while the run wrote",
         )));
     }
-    file.finish_unnamed().map_err(write)
+    file.finish().map_err(write)
 }
 
 /// How long records may be known to the operating system alone; tests do not wait for it.

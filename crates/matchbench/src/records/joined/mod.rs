@@ -405,18 +405,18 @@ impl Taken<'_> {
             if !store::path(folder.path(), &self.dataset, &self.matcher, estimator).exists() {
                 continue;
             }
-            let file = store::path(out, &self.dataset, &self.matcher, estimator);
-            let mut file = WholeFile::create(&file)?;
+            let path = store::path(out, &self.dataset, &self.matcher, estimator);
+            let unwritable = |error| StoreError::io("write", &path)(error);
+            let mut file = WholeFile::create(&path).map_err(unwritable)?;
             let mut written = Ok(());
-            folder.for_each_of([&self.dataset, &self.matcher, estimator], |record| {
+            folder.for_each_of(names, |record| {
                 if written.is_ok() {
                     written = file.write_all(&to_line(&record));
                 }
                 done.recorded += 1;
                 done.failed += u64::from(record.outcome.has_failed());
             })?;
-            written?;
-            file.finish()?;
+            written.and_then(|()| file.finish()).map_err(unwritable)?;
         }
         Ok(())
     }
@@ -426,24 +426,26 @@ impl Taken<'_> {
 fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), JoinError> {
     let mut copy = None;
     let (run, format) = (folder.path(), folder.plan().format);
+    let path = earlier::path(out, names);
+    let unwritable = |error| StoreError::io("write", &path)(error);
     earlier::for_each_waiting(run, format, names, |_, record| {
         let file = match &mut copy {
             Some(file) => file,
-            none => none.insert(WholeFile::create(&earlier::path(out, names))?),
+            none => none.insert(WholeFile::create(&path).map_err(unwritable)?),
         };
-        Ok::<_, JoinError>(file.write_all(&to_line(&record))?)
+        (file.write_all(&to_line(&record))).map_err(unwritable)
     })?;
-    copy.map_or(Ok(()), |file| Ok(file.finish()?))
+    copy.map_or(Ok(()), |file| Ok(file.finish().map_err(unwritable)?))
 }
 
 /// Copies a file of matches that is none but that.
 fn copy_matches(from: &Path, to: &Path) -> Result<(), JoinError> {
     MatchesFile::open(from)?;
     let mut source = open_file(from).map_err(StoreError::io("read", from))?;
-    let mut copy = WholeFile::create(to)?;
-    io::copy(&mut source, &mut copy)?;
-    copy.finish()?;
-    Ok(())
+    let unwritable = |error| StoreError::io("write", to)(error);
+    let mut copy = WholeFile::create(to).map_err(unwritable)?;
+    io::copy(&mut source, &mut copy).map_err(unwritable)?;
+    Ok(copy.finish().map_err(unwritable)?)
 }
 
 /// The notes of the images, and of their depth, of each dataset.

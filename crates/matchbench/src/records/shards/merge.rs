@@ -476,19 +476,23 @@ impl Output {
         }
     }
 
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+    fn write(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        let unwritable = |error| StoreError::io("write", &self.path)(error);
         let file = match &mut self.file {
             Some(file) => file,
             none => {
-                let file = none.insert(WholeFile::create(&self.path)?);
-                file.write_all(self.head)?;
+                let file = none.insert(WholeFile::create(&self.path).map_err(unwritable)?);
+                file.write_all(self.head).map_err(unwritable)?;
                 file
             }
         };
-        file.write_all(bytes)
+        file.write_all(bytes).map_err(unwritable)
     }
 
-    fn finish(self) -> std::io::Result<()> {
-        self.file.map_or(Ok(()), WholeFile::finish)
+    fn finish(self) -> Result<(), StoreError> {
+        let unwritable = StoreError::io("write", &self.path);
+        self.file
+            .map_or(Ok(()), WholeFile::finish)
+            .map_err(unwritable)
     }
 }
