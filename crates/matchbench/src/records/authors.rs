@@ -129,10 +129,10 @@ pub fn read(path: &Path) -> Result<Vec<Row>, AuthorsError> {
         .collect()
 }
 
-/// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher
-/// was run with several estimators or under a protocol, by which its rows are to be read, or is called [`TRUTH`], and
-/// returns the files. The layout has one row per pair, so only the first repetition is written, and no place for homographies, so methods
-/// that estimate these are left out.
+/// Writes `records` as `out/<dataset>/<matcher>.txt`, or `<matcher>+<estimator>.txt` where a matcher was run with
+/// several estimators or under a protocol, by which its rows are to be read, or is called [`TRUTH`], and returns
+/// the files. The layout has one row per pair, so only the first repetition is written, and no place for
+/// homographies, so methods that estimate these are left out.
 ///
 /// # Errors
 /// If a file cannot be written, or all records are of homographies.
