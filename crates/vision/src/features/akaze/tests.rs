@@ -65,6 +65,78 @@ fn levels_have_the_scales_and_sizes_of_the_paper() {
     assert_eq!(counts, [3, 3, 4, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29]);
 }
 
+/// The blur, the contrast and its decay, suppression, orientation and cells all show in these numbers.
+#[test]
+fn keypoints_and_bits_are_those_of_opencv() {
+    // Three keypoints of cv2.AKAZE_create() of OpenCV 4.14.0 on blocks of 7 x 6 pixels, one of the first octave and two of
+    // the second, by their places among all 738: x, y, size, angle in degrees, response; level; bits.
+    let expected = [
+        (
+            30,
+            [59.255_707, 38.397_3, 4.8, 188.603_23, 0.040_905_073],
+            0,
+            [
+                0x73f81189bf7a0965,
+                0x25aa50028df4c819,
+                0xa67008ffffffc99f,
+                0xfd9e00a7bc000201,
+                0x087ff000442fff7d,
+                0x9fdfdfc0679f3110,
+                0x000000014f94f803,
+                0x00000030f17bfc40,
+            ],
+        ),
+        (
+            731,
+            [264.006_29, 57.882_774, 9.6, 199.320_89, 0.007_087_08],
+            4,
+            [
+                0xc01f0026093f0638,
+                0xca5528a55cbf001f,
+                0x009cff4130081dff,
+                0x021fcc66033f3c02,
+                0xfb000ffb9994c882,
+                0xed87b89fff2267ff,
+                0xb410341082683b6b,
+                0x0000000306bed9b5,
+            ],
+        ),
+        (
+            737,
+            [240.114_32, 85.198_265, 13.576_45, 168.374_83, 0.004_242_132],
+            6,
+            [
+                0x36f4b042025f0c21,
+                0xdef46a8b17c8fcd1,
+                0x84ad9f01404a212a,
+                0xb7de0ffe00240593,
+                0x00421a5bedb8001d,
+                0xbc02f7a87f0a13fe,
+                0xa7c1300e1be01700,
+                0x00000007eef7c383,
+            ],
+        ),
+    ];
+    let blocks = GrayImage::from_fn(Size::new(340, 200), |x, y| {
+        let (x, y) = (x / 7, y / 6);
+        ((37 * x + 101 * y) ^ (13 * x * y)) as u8
+    });
+    let features = akaze().extract(&blocks);
+    assert_eq!(features.len(), 738);
+    let Descriptors::Binary(rows) = &features.descriptors else {
+        panic!("AKAZE describes by bits");
+    };
+    for (i, numbers, level, bits) in expected {
+        let k = features.keypoints[i];
+        let angle = k.angle.expect("AKAZE assigns orientations").to_degrees();
+        let found = [k.at.x, k.at.y, k.size, angle, k.response];
+        for (found, number) in found.iter().zip(numbers) {
+            assert!((found / number - 1.0).abs() < 1e-4, "{found}, not {number}");
+        }
+        assert_eq!((k.octave, rows.row(i)), (level, &bits[..]));
+    }
+}
+
 /// Heights whose halves do not divide them: 900 halves to 225 and then to 112, of which each is 2.0089... pixels.
 #[test]
 fn any_height_can_be_halved_again_and_again() {
