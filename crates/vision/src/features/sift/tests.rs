@@ -62,6 +62,105 @@ fn a_blob_is_found_at_its_place_and_scale() {
     }
 }
 
+/// For each layer, how many keypoints cv2.SIFT_create() of OpenCV 4.14.0 finds, and of the strongest x and y (less the quarter
+/// of a pixel by which OpenCV's are too large), size, angle in degrees and response.
+#[test]
+fn keypoints_of_all_layers_are_those_of_opencv() {
+    let expected: [(i16, usize, [f32; 5]); 12] = [
+        (
+            -2,
+            77,
+            [
+                168.326_81,
+                37.157_32,
+                2.019_381_5,
+                266.060_58,
+                0.082_435_094,
+            ],
+        ),
+        (
+            -1,
+            46,
+            [150.838_7, 27.130_894, 2.515_697_5, 357.606_66, 0.074_059_19],
+        ),
+        (
+            0,
+            71,
+            [82.157_486, 118.898_9, 3.423_320_5, 91.024_08, 0.068_300_17],
+        ),
+        (
+            1,
+            96,
+            [240.095_1, 41.147_877, 4.197_725, 187.585_75, 0.065_351_93],
+        ),
+        (
+            2,
+            65,
+            [155.689_21, 35.325_81, 4.748_607_6, 273.275_3, 0.070_588_395],
+        ),
+        (
+            3,
+            16,
+            [199.349_1, 138.597_27, 6.086_443_4, 14.068_108, 0.052_392_44],
+        ),
+        (
+            4,
+            24,
+            [125.529_724, 45.344_685, 8.643_561, 94.147_705, 0.067_732_47],
+        ),
+        (
+            5,
+            64,
+            [127.689_316, 58.316_788, 9.943_7, 99.235_46, 0.103_702_94],
+        ),
+        (
+            6,
+            34,
+            [127.189_31, 162.960_53, 12.793_511, 181.608_1, 0.093_630_71],
+        ),
+        (
+            7,
+            9,
+            [
+                247.852_95,
+                47.498_177,
+                14.524_554,
+                219.216_52,
+                0.070_497_595,
+            ],
+        ),
+        (
+            8,
+            6,
+            [88.988_884, 35.661_8, 20.298_864, 129.331_83, 0.062_175_78],
+        ),
+        (
+            9,
+            5,
+            [230.291, 26.649_397, 24.826_689, 155.123, 0.063_937_11],
+        ),
+    ];
+    // Blocks of 17 x 13 pixels in many shades, none of them quite even.
+    let image = GrayImage::from_fn(Size::new(340, 220), |x, y| {
+        let block = ((37 * (x / 17) + 101 * (y / 13)) ^ (13 * (x / 17) * (y / 13))) % 256;
+        (block * 7 / 8 + (31 * x + 17 * y + x * y) % 32) as u8
+    });
+    let keypoints = sift().detect(&image);
+    let counts: usize = expected.iter().map(|layer| layer.1).sum();
+    assert_eq!(keypoints.len(), counts);
+    for (layer, count, numbers) in expected {
+        let of_layer = || keypoints.iter().filter(|k| k.octave == layer);
+        assert_eq!(of_layer().count(), count, "layer {layer}");
+        let is_found = of_layer().any(|k| {
+            let angle = k.angle.expect("SIFT assigns orientations").to_degrees();
+            let found = [k.at.x, k.at.y, k.size, angle, k.response];
+            let mut both = found.iter().zip(numbers);
+            both.all(|(found, number)| (found / number - 1.0).abs() < 1e-4)
+        });
+        assert!(is_found, "{numbers:?} on layer {layer}");
+    }
+}
+
 #[test]
 fn features_turn_with_the_image() {
     // Without doubling, and of sizes 2^n m + 1, each octave takes the same pixels from both ends.
