@@ -245,6 +245,48 @@ mod tests {
         }
     }
 
+    /// Four keypoints of each layer, from the finest to the coarsest scale, by cv2.BRISK_create() of OpenCV 4.14.0: the layer,
+    /// x, y, size and response.
+    #[test]
+    fn places_and_scales_on_all_layers_are_those_of_opencv() {
+        let expected: [(i16, [f32; 4]); 20] = [
+            (0, [50.409_748, 25.553_415, 8.4, 67.0]),
+            (0, [287.720_76, 37.262_65, 11.318_182, 43.284_09]),
+            (0, [205.177_7, 38.989_834, 12.944_733, 47.471_36]),
+            (0, [289.607_6, 88.207, 18.0, 99.550_61]),
+            (1, [255.382_42, 52.369_91, 12.0, 103.553_71]),
+            (1, [289.005, 100.621_43, 18.342_857, 56.114_32]),
+            (1, [133.608_61, 41.692_142, 19.884_289, 34.325_96]),
+            (1, [205.136_08, 179.971_37, 24.0, 148.487_05]),
+            (2, [66.185_54, 39.863_167, 18.0, 119.050_78]),
+            (2, [115.722_885, 87.772_62, 25.040_817, 71.245_75]),
+            (2, [223.579_51, 171.346_82, 27.131_945, 31.843_18]),
+            (2, [284.026_28, 61.371_902, 30.944_304, 36.111_44]),
+            (3, [115.240_98, 157.296_05, 24.0, 61.307_766]),
+            (3, [98.716_866, 67.209_274, 32.471_56, 143.593_58]),
+            (3, [72.720_28, 148.248_93, 36.497_87, 43.983_765]),
+            (3, [80.131_22, 95.121, 48.0, 97.029_3]),
+            (4, [124.373_795, 133.764_86, 37.692_432, 34.976_734]),
+            (4, [243.935_96, 106.784_35, 43.777_78, 84.671_29]),
+            (4, [93.093_346, 137.120_74, 47.638_557, 115.012_55]),
+            (4, [138.904_19, 100.730_26, 58.5, 41.062_5]),
+        ];
+        // Blocks of 17 x 13 pixels in many shades, none of them quite even.
+        let image = GrayImage::from_fn(Size::new(340, 220), |x, y| {
+            let block = ((37 * (x / 17) + 101 * (y / 13)) ^ (13 * (x / 17) * (y / 13))) % 256;
+            (block * 7 / 8 + (31 * x + 17 * y + x * y) % 32) as u8
+        });
+        let keypoints = brisk().extract(&image).keypoints;
+        for (layer, numbers) in expected {
+            let found = keypoints.iter().any(|k| {
+                let found = [k.at.x, k.at.y, k.size, k.response];
+                let mut both = found.iter().zip(numbers);
+                k.octave == layer && both.all(|(found, number)| (found / number - 1.0).abs() < 1e-5)
+            });
+            assert!(found, "{numbers:?} on layer {layer}");
+        }
+    }
+
     #[test]
     fn sizes_follow_the_scale_of_discs() {
         for (radius, size) in [(4.0_f32, 31.0), (8.0, 58.0)] {
