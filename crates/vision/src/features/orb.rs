@@ -385,6 +385,67 @@ mod tests {
         assert!(orb(0, 0).extract(&blocks()).is_empty());
     }
 
+    /// Section 3.1: the Harris strength decides among twice as many corners as are wanted, and these have the highest FAST
+    /// scores.
+    #[test]
+    fn the_strongest_by_harris_are_taken_among_twice_as_many_by_fast() {
+        let image = blocks();
+        let of_one_level = |features| {
+            let params = OrbParams {
+                features,
+                levels: 1,
+                ..OrbParams::default()
+            };
+            let orb = Orb::new(params).expect("parameters in their ranges");
+            orb.extract(&image).keypoints
+        };
+        let all = of_one_level(100_000);
+        let fast = corners(&image, 20, MARGIN);
+        assert!(all.len() == 17 && fast.len() == 17);
+        let mut differ = 0;
+        for wanted in 1..9 {
+            let mut order: Vec<usize> = (0..17).collect();
+            order.sort_by_key(|&i| std::cmp::Reverse(fast[i].score));
+            // No tie at either limit.
+            let tie = |limit: usize| fast[order[limit - 1]].score == fast[order[limit]].score;
+            if tie(2 * wanted) {
+                continue;
+            }
+            let by_harris = |i: &usize, j: &usize| all[*j].response.total_cmp(&all[*i].response);
+            let mut expected = order[..2 * wanted].to_vec();
+            expected.sort_by(by_harris);
+            expected.truncate(wanted);
+            expected.sort_unstable();
+            let expected: Vec<Keypoint> = expected.iter().map(|&i| all[i]).collect();
+            assert_eq!(of_one_level(wanted), expected, "{wanted} wanted");
+            order.sort_by(by_harris);
+            order.truncate(wanted);
+            order.sort_unstable();
+            differ += usize::from(expected != order.iter().map(|&i| all[i]).collect::<Vec<_>>());
+        }
+        assert!(differ > 0, "the strongest of all by Harris would do");
+    }
+
+    #[test]
+    fn keypoints_come_as_near_to_the_border_as_31_pixels() {
+        let mut rng = Seed(2).rng();
+        let mut of_first_level = |width, height| -> Vec<Keypoint> {
+            let noise = GrayImage::from_fn(Size::new(width, height), |_, _| rng.below(256) as u8);
+            let keypoints = orb(100_000, 0).extract(&noise).keypoints;
+            keypoints.into_iter().filter(|k| k.octave == 0).collect()
+        };
+        let keypoints = of_first_level(230, 240);
+        for (along, length) in [(0, 230.0), (1, 240.0)] {
+            let places = || keypoints.iter().map(|k| k.at[along]);
+            assert_eq!(places().fold(f32::MAX, f32::min), 31.0);
+            assert_eq!(places().fold(0.0, f32::max), length - 32.0);
+        }
+        // One column or one row is left.
+        let (narrow, low) = (of_first_level(63, 900), of_first_level(900, 63));
+        assert!(!narrow.is_empty() && narrow.iter().all(|k| k.at.x == 31.0));
+        assert!(!low.is_empty() && low.iter().all(|k| k.at.y == 31.0));
+    }
+
     #[test]
     fn noise_yields_as_many_features_as_wanted() {
         let mut rng = Seed(1).rng();
