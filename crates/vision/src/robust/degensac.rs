@@ -169,6 +169,63 @@ pub(super) mod tests {
         assert!(residuals.iter().all(|&r| r < 1e-4), "{residuals:?}");
     }
 
+    /// A match without noise, on the plane or at this share of its depth, and moved in `b` so far along its epipolar line.
+    fn exact(rng: &mut Rng, share: f64, along: f64) -> (Point2<f64>, Point2<f64>) {
+        let a = Point2::new(rng.uniform() - 0.5, rng.uniform() - 0.5);
+        let x = truth().rotation * (a.to_homogeneous() * (share * 8.0 / (1.0 + 0.4 * a.x)))
+            + truth().direction.into_inner();
+        let b = Point2::new(x.x / x.z, x.y / x.z);
+        let epipole = truth().direction;
+        let line = b - Point2::new(epipole.x / epipole.z, epipole.y / epipole.z);
+        (a, b + along * line.normalize())
+    }
+
+    #[test]
+    fn a_sample_is_degenerate_where_any_five_of_the_seven_lie_on_a_plane() {
+        let e = essential_from_pose(&truth());
+        let sample = [0, 1, 2, 3, 4, 5, 6];
+        let rng = &mut Seed(6).rng();
+        for chosen in 0..1_u32 << 7 {
+            let pairs: PointPairs = (0..7)
+                .map(|i| {
+                    let share = if chosen >> i & 1 == 1 {
+                        1.0
+                    } else {
+                        0.3 + 0.4 * rng.uniform()
+                    };
+                    exact(rng, share, 0.0)
+                })
+                .collect();
+            let found = plane_of(&e, &sample, &pairs, 1e-12);
+            let on_it = chosen.count_ones();
+            assert_eq!(found.is_some(), on_it >= 5, "{on_it} of {chosen:07b}");
+        }
+    }
+
+    /// Matches are moved along their epipolar lines, so that F agrees with all of them.
+    #[test]
+    fn on_the_plane_is_what_lies_within_twice_the_threshold_of_it() {
+        let e = essential_from_pose(&truth());
+        let sample = [0, 1, 2, 3, 4, 5, 6];
+        let threshold = 1e-3;
+        let is_found = |matches: [(f64, f64); 7]| {
+            let rng = &mut Seed(7).rng();
+            let pairs = matches.map(|(share, moved)| exact(rng, share, moved * threshold));
+            let pairs = pairs.into_iter().collect();
+            let squared = threshold * threshold;
+            off_the_plane(&e, &sample, &pairs, squared, &mut Seed(1).rng()).is_some()
+        };
+        let on = (1.0, 0.0);
+        // The fifth match of the plane.
+        let degenerate = |moved| is_found([on, on, on, on, (1.0, moved), (0.4, 0.0), (0.6, 0.0)]);
+        assert!(degenerate(1.8) && !degenerate(2.2));
+        // The two matches that give the epipole.
+        let off = |moved| is_found([on, on, on, on, on, (1.0, moved), (1.0, -moved)]);
+        assert!(!off(1.8) && off(2.2));
+        // One alone gives none.
+        assert!(!is_found([on, on, on, on, on, on, (0.4, 0.0)]));
+    }
+
     #[test]
     fn a_sample_off_the_plane_is_left_alone() {
         let pairs = matches_of_a_plane(0, 30, 0);
