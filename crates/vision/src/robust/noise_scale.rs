@@ -172,6 +172,77 @@ mod tests {
         }
     }
 
+    /// Of a mixture with a sigma of one pixel.
+    #[test]
+    fn densities_of_the_kinds_integrate_to_their_shares() {
+        let mixture = Mixture {
+            right: 0.5,
+            nearly_right: 0.2,
+            variance: 1.0,
+        };
+        let integral = |kind: usize, reach: f64| -> f64 {
+            let count = 10_000;
+            let step = reach / f64::from(count);
+            let at = |i: i32| mixture.densities(((f64::from(i) + 0.5) * step).powi(2))[kind];
+            (0..count).map(at).sum::<f64>() * step
+        };
+        // Wrong matches lie anywhere below 10 pixels.
+        for (kind, reach, share) in [(0, 60.0, 0.5), (1, 60.0, 0.2), (2, 10.0, 0.3)] {
+            let found = integral(kind, reach);
+            assert!((found - share).abs() < 1e-6, "{kind}: {found}");
+        }
+    }
+
+    #[test]
+    fn matches_beyond_ten_pixels_tell_nothing_and_nearer_ones_something() {
+        let near = distances(60, 0.7, 0);
+        let with = |far: f64| {
+            let far = std::iter::repeat_n(far * far, 500);
+            noise_scale(near.iter().copied().chain(far))
+        };
+        let alone = noise_scale(near.iter().copied());
+        assert_eq!(with(10.01), alone);
+        assert_ne!(with(9.99), alone);
+    }
+
+    /// What expectation maximisation promises: the likelihood of the distances, times the prior, never falls, and where the
+    /// steps end it has its maximum.
+    #[test]
+    fn rounds_climb_to_a_maximum_of_the_likelihood() {
+        let mut near = distances(600, 0.6, 0);
+        near.extend(distances(300, 3.0, 0));
+        near.extend((0..300).map(|i| (f64::from(i) / 30.0).powi(2)));
+        near.retain(|&squared| squared < REACH_PX * REACH_PX);
+        for (most, variance) in [(2.0, 0.25), (2.0, 9.0), (0.3, 0.25), (0.3, 4.0)] {
+            let mut mixture = Mixture {
+                right: 0.6,
+                nearly_right: 0.1,
+                variance,
+            };
+            for round in 0..300 {
+                let next = mixture.refined(&near, most, 1);
+                let [before, after] = [mixture, next].map(|it| it.log_likelihood(&near));
+                assert!(after >= before - 1e-9, "round {round}: {before} to {after}");
+                mixture = next;
+            }
+            let top = mixture.log_likelihood(&near);
+            let is_limited = mixture.nearly_right > 0.999 * most * mixture.right;
+            assert_eq!(is_limited, most < 1.0, "{}", mixture.nearly_right);
+            for change in [0.99, 1.01] {
+                let mut beside = [mixture; 3];
+                beside[0].variance *= change;
+                beside[1].right *= change;
+                beside[2].nearly_right *= change;
+                // On the limit the shares go together.
+                beside[1].nearly_right *= if is_limited { change } else { 1.0 };
+                for other in &beside[..if is_limited { 2 } else { 3 }] {
+                    let other = other.log_likelihood(&near);
+                    assert!(other < top, "{other} beside {top}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn few_matches_move_it_little_and_none_not_at_all() {
         assert!((noise_scale(std::iter::empty()) - PRIOR_PX).abs() < 1e-12);
