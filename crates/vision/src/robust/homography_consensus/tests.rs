@@ -195,3 +195,63 @@ fn what_lies_beyond_the_horizon_is_no_inlier_of_any() {
         assert!(found.inliers.len() >= in_front - 1, "{in_front}");
     }
 }
+
+/// From a rough homography the distances are too large, and so is the scale of Cauchy's loss that follows from them.
+#[test]
+fn the_second_refinement_takes_its_scale_from_the_first() {
+    let mut points = matches(150, 0, 0.1, 5);
+    // Nearly right ones, all off to the same side, pull the more the larger the scale is.
+    for b in points.b.iter_mut().take(40) {
+        b.x += 1.2;
+    }
+    let pairs = points.in_pixels();
+    let problem = HomographyProblem {
+        pairs: &pairs,
+        one_side: true,
+    };
+    let squared_threshold = 4.0;
+    let estimator = HomographyConsensus::new(presets::best_h()).expect("a preset");
+    let finished = |model: Matrix3<f64>| {
+        let mut residuals = vec![0.0; pairs.len()];
+        problem.squared_residuals(&model, 0..pairs.len(), &mut residuals);
+        let inliers = inliers_within(&residuals, squared_threshold);
+        let support = crate::robust::Support {
+            quality: 0.0,
+            inliers: inliers.len(),
+            squared_threshold,
+        };
+        let found = Consensus {
+            model,
+            support,
+            inliers,
+            samples: 1,
+        };
+        estimator.finish(&problem, found).0
+    };
+    // The best that the loss can do: its scale follows from its own result.
+    let best = (0..20).fold(truth(), |model, _| finished(model));
+    let off = |model: &Matrix3<f64>| corner_error(model, &best, SIZE);
+    let reach = estimator.params.score.reach() * squared_threshold;
+    let mut residuals = vec![0.0; pairs.len()];
+    let mut all = Vec::new();
+    for (right, down) in [(1.1, 0.0), (-1.1, 0.0), (0.0, 1.1), (0.0, -1.1)] {
+        let moved = Matrix3::new(1.0, 0.0, right, 0.0, 1.0, down, 0.0, 0.0, 1.0);
+        let rough = moved * truth();
+        problem.squared_residuals(&rough, 0..pairs.len(), &mut residuals);
+        let inliers = inliers_within(&residuals, squared_threshold);
+        let scale = squared_cauchy_scale(&residuals, &inliers, DistanceFrom::Point);
+        let near = pairs.chosen(&inliers_within(&residuals, reach));
+        let once = refine_homography(
+            &rough,
+            &near,
+            Loss::Cauchy,
+            scale.min(squared_threshold),
+            25,
+        );
+        all.push([off(&rough), off(&once), off(&finished(rough))]);
+    }
+    assert!(
+        all.iter().all(|[_, once, twice]| *twice < 0.5 * once),
+        "{all:?}"
+    );
+}
