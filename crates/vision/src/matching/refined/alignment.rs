@@ -172,7 +172,7 @@ impl Template {
 }
 
 /// The weights of samples, whose sum is 1.
-pub(super) struct Weights(Samples);
+pub(super) struct Weights(pub(super) Samples);
 
 impl Weights {
     /// A Gaussian about the middle.

@@ -151,6 +151,59 @@ fn the_matches_of_a_matcher_stay_the_same_but_lie_at_better_places() {
     assert!(without.unwrap_err().0.contains("pixels"));
 }
 
+/// Of a standard deviation of 0.6 of half a window, which is 7 samples.
+#[test]
+fn weights_are_a_gaussian_about_the_middle() {
+    let weights = Weights::new().0;
+    let sum: f32 = weights.as_flattened().iter().sum();
+    assert!((sum - 1.0).abs() < 1e-5, "{sum}");
+    for (row, line) in weights.iter().enumerate() {
+        for (column, weight) in line.iter().take(15).enumerate() {
+            let squared = (row as f64 - 7.0).powi(2) + (column as f64 - 7.0).powi(2);
+            let expected = libm::exp(-squared / (2.0 * 4.2 * 4.2));
+            let found = f64::from(weight / weights[7][7]);
+            assert!((found - expected).abs() < 1e-5, "{row} {column}: {found}");
+        }
+        assert!(line[15..].iter().all(|&weight| weight == 0.0));
+    }
+}
+
+/// Seven samples to each side in both images, and in `a` another one for the gradients.
+#[test]
+fn a_match_stays_where_a_window_reaches_beyond_its_image() {
+    let (a, _) = first();
+    let found = |at: (f64, f64), shift: (f64, f64)| {
+        let shift = Vector2::new(shift.0, shift.1);
+        let b = seen(Matrix2::identity(), shift, 127.0, 1.0);
+        let at = Point2::new(at.0, at.1);
+        let found = aligned(
+            &Weights::new(),
+            [&a, &b],
+            [at, at + shift],
+            turned(0.0, 1.0),
+        );
+        assert!(found.is_none_or(|found| (found - at - shift).norm() < 0.1));
+        found.is_some()
+    };
+    // The pixels of the image lie from 0 to 119 and from 0 to 109.
+    for (inside, outside, shift) in [
+        ((8.1, 50.0), (7.9, 50.0), (40.0, 0.0)),
+        ((110.9, 50.0), (111.1, 50.0), (-40.0, 0.0)),
+        ((60.0, 8.1), (60.0, 7.9), (0.0, 40.0)),
+        ((60.0, 100.9), (60.0, 101.1), (0.0, -40.0)),
+    ] {
+        assert!(found(inside, shift) && !found(outside, shift), "{inside:?}");
+    }
+    for (inside, outside, shift) in [
+        ((48.0, 50.0), (46.8, 50.0), (-40.0, 0.0)),
+        ((71.0, 50.0), (72.2, 50.0), (40.0, 0.0)),
+        ((60.0, 48.0), (60.0, 46.8), (0.0, -40.0)),
+        ((60.0, 61.0), (60.0, 62.2), (0.0, 40.0)),
+    ] {
+        assert!(found(inside, shift) && !found(outside, shift), "{inside:?}");
+    }
+}
+
 /// Each pixel of a piece is the sum of the pixels about it, weighted by a Gaussian of 0.6 samples that is cut at 2.5
 /// deviations, where the image is mirrored about its outermost pixels.
 #[test]
