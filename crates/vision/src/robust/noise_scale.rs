@@ -90,7 +90,7 @@ impl Mixture {
     fn densities(&self, squared: f64) -> [f64; 3] {
         let at_zero = (2.0 / (std::f64::consts::PI * self.variance)).sqrt();
         let half_normal = |squared: f64| libm::exp(-0.5 * squared / self.variance);
-        // The exponentials take most of the time.
+        // The exponentials take most of the time, so one that would be multiplied by zero is left out.
         let nearly_right = if self.nearly_right > 0.0 {
             self.nearly_right * at_zero / NEARLY_RIGHT_SIGMAS
                 * half_normal(squared / (NEARLY_RIGHT_SIGMAS * NEARLY_RIGHT_SIGMAS))

@@ -7,8 +7,8 @@ const LANES: usize = 8;
 /// rounding after five.
 const SWEEPS: usize = 6;
 /// An entry beside the diagonal is taken for zero if it is not larger than this. The trace is at least 2, so the entry is far
-/// below rounding. After five sweeps, products of such entries would be subnormal numbers, each of which takes some
-/// processors (Intel) more than a hundred cycles.
+/// below rounding. After five sweeps, products of such entries would be subnormal numbers, with which some processors
+/// (Intel) compute far more slowly.
 const NEGLIGIBLE: f64 = 1e-40;
 
 type Lane = [f64; LANES];
@@ -164,11 +164,9 @@ fn rotate(m: &mut [[Lane; 4]; 4], v: &mut [[Lane; 4]; 4], p: usize, q: usize) {
     let (mut cosine, mut sine) = ([0.0; LANES], [0.0; LANES]);
     for lane in 0..LANES {
         let entry = m[p][q][lane];
-        let twice = if entry.abs() > NEGLIGIBLE {
-            2.0 * entry
-        } else {
-            0.0
-        };
+        // What is not a number stays so.
+        let is_negligible = entry.abs() <= NEGLIGIBLE;
+        let twice = if is_negligible { 0.0 } else { 2.0 * entry };
         let difference = m[q][q][lane] - m[p][p][lane];
         let root = difference.mul_add(difference, twice * twice).sqrt();
         // The smallest positive number keeps 0 / 0 away where nothing is left to rotate.
