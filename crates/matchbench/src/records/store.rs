@@ -85,7 +85,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+    pub(super) fn io(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self + Copy {
         move |error| Self::Io {
             action,
             path: path.into(),
@@ -141,7 +141,7 @@ pub(super) fn for_each_placed<E: From<StoreError>>(
     format: u32,
     mut each: impl FnMut(usize, Place, RunRecord) -> Result<(), E>,
 ) -> Result<u64, E> {
-    let io = |error| StoreError::io("read", path)(error);
+    let io = StoreError::io("read", path);
     let corrupt = |line, reason| StoreError::Corrupt {
         path: path.into(),
         line,
@@ -273,7 +273,7 @@ pub(crate) fn rewrite(path: &Path, records: &[RunRecord]) -> Result<(), StoreErr
 /// # Errors
 /// As [`recover`]; or if it cannot be written. The old file is then still there.
 pub(super) fn put_behind(path: &Path, other: &Path) -> Result<(), StoreError> {
-    let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
+    let [read, write] = ["read", "write"].map(|action| StoreError::io(action, path));
     let mut file = WholeFile::create(path).map_err(write)?;
     for part in [path, other] {
         recover_each(part, |_, _| Ok::<_, StoreError>(()))?;
@@ -289,7 +289,7 @@ pub(super) fn put_behind(path: &Path, other: &Path) -> Result<(), StoreError> {
 /// # Errors
 /// If it cannot be read or written, or has fewer lines; the old file is then still there.
 pub(crate) fn replace(path: &Path, lines: &BTreeMap<usize, RecordLine>) -> Result<(), StoreError> {
-    let [read, write] = ["read", "write"].map(|action| move |e| StoreError::io(action, path)(e));
+    let [read, write] = ["read", "write"].map(|action| StoreError::io(action, path));
     let mut old = BufReader::new(open_file(path).map_err(read)?);
     let mut file = WholeFile::create(path).map_err(write)?;
     let (mut line, mut replaced) = (Vec::new(), 0);

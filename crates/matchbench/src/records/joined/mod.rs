@@ -406,7 +406,7 @@ impl Taken<'_> {
                 continue;
             }
             let path = store::path(out, &self.dataset, &self.matcher, estimator);
-            let unwritable = |error| StoreError::io("write", &path)(error);
+            let unwritable = StoreError::io("write", &path);
             let mut file = WholeFile::create(&path).map_err(unwritable)?;
             let mut written = Ok(());
             folder.for_each_of(names, |record| {
@@ -427,7 +427,7 @@ fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), 
     let mut copy = None;
     let (run, format) = (folder.path(), folder.plan().format);
     let path = earlier::path(out, names);
-    let unwritable = |error| StoreError::io("write", &path)(error);
+    let unwritable = StoreError::io("write", &path);
     earlier::for_each_waiting(run, format, names, |_, record| {
         let file = match &mut copy {
             Some(file) => file,
@@ -442,7 +442,7 @@ fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), 
 fn copy_matches(from: &Path, to: &Path) -> Result<(), JoinError> {
     MatchesFile::open(from)?;
     let mut source = open_file(from).map_err(StoreError::io("read", from))?;
-    let unwritable = |error| StoreError::io("write", to)(error);
+    let unwritable = StoreError::io("write", to);
     let mut copy = WholeFile::create(to).map_err(unwritable)?;
     io::copy(&mut source, &mut copy).map_err(unwritable)?;
     Ok(copy.finish().map_err(unwritable)?)

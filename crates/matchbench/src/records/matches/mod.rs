@@ -249,7 +249,7 @@ impl MatchesFile {
         let Some(start) = self.place(key) else {
             return Ok(None);
         };
-        let io = |error| StoreError::io("read", &self.path)(error);
+        let io = StoreError::io("read", &self.path);
         let mut file = open_file(&self.path).map_err(io)?;
         file.seek(SeekFrom::Start(start)).map_err(io)?;
         let mut entry = vec![0; HEADER];
@@ -307,7 +307,7 @@ impl MatchesFile {
 
     /// Writes at the end, and says where that was.
     fn write(&mut self, entry: &[u8]) -> Result<u64, StoreError> {
-        let io = |error| StoreError::io("append to", &self.path)(error);
+        let io = StoreError::io("append to", &self.path);
         if self.writer.is_none() {
             self.writer = Some(Appender::open(&self.path, Some(self.end)).map_err(io)?);
         }

@@ -156,7 +156,7 @@ impl EntryFile {
         if let Some(length) = self.length {
             return Ok(length);
         }
-        let io = |error| StoreError::io("read", &self.path)(error);
+        let io = StoreError::io("read", &self.path);
         let length = match open_at(&self.path, 0) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => 0,
             reader => {
@@ -180,7 +180,7 @@ impl EntryFile {
     }
 
     fn stand_at(&mut self, start: u64) -> Result<(), StoreError> {
-        let io = |error| StoreError::io("read", &self.path)(error);
+        let io = StoreError::io("read", &self.path);
         match &mut self.reader {
             None => self.reader = Some(open_at(&self.path, start).map_err(io)?),
             Some(_) if self.at == start => {}

@@ -477,7 +477,7 @@ impl Output {
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        let unwritable = |error| StoreError::io("write", &self.path)(error);
+        let unwritable = StoreError::io("write", &self.path);
         let file = match &mut self.file {
             Some(file) => file,
             none => {

@@ -43,7 +43,7 @@ impl RecordFile {
     /// # Errors
     /// If the file cannot be read, or the line is not a record.
     pub(super) fn next(&mut self) -> Result<Option<(&[u8], RunRecord)>, StoreError> {
-        let io = |error| StoreError::io("read", &self.path)(error);
+        let io = StoreError::io("read", &self.path);
         let reader = match &mut self.reader {
             Some(reader) => reader,
             none => match open_at(&self.path, self.offset) {
