@@ -7,6 +7,14 @@ use crate::seed::Seed;
 /// Side of the test images.
 const SIDE: usize = 360;
 
+/// Blocks of 17 x 13 pixels in many shades, none of them quite even.
+pub(super) fn uneven_blocks() -> GrayImage {
+    GrayImage::from_fn(Size::new(340, 220), |x, y| {
+        let block = ((37 * (x / 17) + 101 * (y / 13)) ^ (13 * (x / 17) * (y / 13))) % 256;
+        (block * 7 / 8 + (31 * x + 17 * y + x * y) % 32) as u8
+    })
+}
+
 /// Blobs of many sizes, drawn where a turn by `degrees` about the centre puts them.
 pub(super) fn blobs(degrees: f64) -> GrayImage {
     let size = Size::new(SIDE, SIDE);

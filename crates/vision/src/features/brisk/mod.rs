@@ -167,6 +167,7 @@ fn near_each_other(keypoints: &[Keypoint]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::features::extractor_tests::uneven_blocks;
     use crate::image::Size;
     use crate::seed::Seed;
 
@@ -271,12 +272,7 @@ mod tests {
             (4, [93.093_346, 137.120_74, 47.638_557, 115.012_55]),
             (4, [138.904_19, 100.730_26, 58.5, 41.062_5]),
         ];
-        // Blocks of 17 x 13 pixels in many shades, none of them quite even.
-        let image = GrayImage::from_fn(Size::new(340, 220), |x, y| {
-            let block = ((37 * (x / 17) + 101 * (y / 13)) ^ (13 * (x / 17) * (y / 13))) % 256;
-            (block * 7 / 8 + (31 * x + 17 * y + x * y) % 32) as u8
-        });
-        let keypoints = brisk().extract(&image).keypoints;
+        let keypoints = brisk().extract(&uneven_blocks()).keypoints;
         for (layer, numbers) in expected {
             let found = keypoints.iter().any(|k| {
                 let found = [k.at.x, k.at.y, k.size, k.response];

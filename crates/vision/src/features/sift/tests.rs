@@ -1,6 +1,7 @@
 use core::f32::consts::{FRAC_PI_2, TAU};
 
 use super::*;
+use crate::features::extractor_tests::uneven_blocks;
 use crate::image::Size;
 use crate::seed::Seed;
 
@@ -140,12 +141,7 @@ fn keypoints_of_all_layers_are_those_of_opencv() {
             [230.291, 26.649_397, 24.826_689, 155.123, 0.063_937_11],
         ),
     ];
-    // Blocks of 17 x 13 pixels in many shades, none of them quite even.
-    let image = GrayImage::from_fn(Size::new(340, 220), |x, y| {
-        let block = ((37 * (x / 17) + 101 * (y / 13)) ^ (13 * (x / 17) * (y / 13))) % 256;
-        (block * 7 / 8 + (31 * x + 17 * y + x * y) % 32) as u8
-    });
-    let keypoints = sift().detect(&image);
+    let keypoints = sift().detect(&uneven_blocks());
     let counts: usize = expected.iter().map(|layer| layer.1).sum();
     assert_eq!(keypoints.len(), counts);
     for (layer, count, numbers) in expected {

@@ -187,14 +187,12 @@ fn a_match_stays_where_a_window_reaches_beyond_its_image() {
     };
     // The pixels of the image lie from 0 to 119 and from 0 to 109.
     for (inside, outside, shift) in [
+        // Near the border of `a`.
         ((8.1, 50.0), (7.9, 50.0), (40.0, 0.0)),
         ((110.9, 50.0), (111.1, 50.0), (-40.0, 0.0)),
         ((60.0, 8.1), (60.0, 7.9), (0.0, 40.0)),
         ((60.0, 100.9), (60.0, 101.1), (0.0, -40.0)),
-    ] {
-        assert!(found(inside, shift) && !found(outside, shift), "{inside:?}");
-    }
-    for (inside, outside, shift) in [
+        // Near the border of `b`.
         ((48.0, 50.0), (46.8, 50.0), (-40.0, 0.0)),
         ((71.0, 50.0), (72.2, 50.0), (40.0, 0.0)),
         ((60.0, 48.0), (60.0, 46.8), (0.0, -40.0)),
