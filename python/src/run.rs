@@ -24,7 +24,6 @@ use crate::errors::{error, value_error};
 use crate::integers::whole;
 use crate::progress::{Progress, State};
 use crate::study::{AnyEstimator, AnyMatcher, add_estimators, add_matchers, prepare};
-use crate::text::text;
 
 /// Numbers of tasks: in total, done before, done now, and failed.
 type Tasks = (usize, usize, usize, usize);
@@ -193,18 +192,17 @@ pub(crate) fn join(py: Python<'_>, runs: Vec<PathBuf>, out: PathBuf) -> PyResult
     Ok((done.planned, done.recorded, done.failed))
 }
 
-/// The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run.
+/// The seed of a pair in a run.
 #[pyfunction]
-#[pyo3(signature = (dataset, matcher, a, b, *, seed=0, repetition=0))]
 pub(crate) fn pair_seed(
-    #[pyo3(from_py_with = text)] dataset: String,
-    #[pyo3(from_py_with = text)] matcher: String,
+    dataset: &str,
+    matcher: &str,
     #[pyo3(from_py_with = whole)] a: u32,
     #[pyo3(from_py_with = whole)] b: u32,
     #[pyo3(from_py_with = whole)] seed: u64,
     #[pyo3(from_py_with = whole)] repetition: u32,
 ) -> u64 {
-    seed_of_pair(seed, &dataset, &matcher, (a, b), repetition).0
+    seed_of_pair(seed, dataset, matcher, (a, b), repetition).0
 }
 
 /// Runs the program `matchbench` with these arguments; returns its exit code.

@@ -48,11 +48,10 @@ from ._native import (
     NoModel,
     PoseEstimate,
     __version__,
-    pair_seed,
     read_gray,
 )
 from ._pose import CameraPose, estimate_relative_pose
-from ._runs import Run, join, report, run
+from ._runs import Run, join, pair_seed, report, run
 from ._scores import Pairs, ProtocolScores, Scores, evaluate, pairs
 from ._selectors import adalam, code, gaim, gms, kvld, repmatch
 from ._show import Picture, show

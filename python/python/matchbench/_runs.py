@@ -12,6 +12,7 @@ from ._contenders import any_dataset, any_estimator, any_matcher, changes, liste
 from ._estimators import Estimator
 from ._native import Dataset
 from ._native import join as native_join
+from ._native import pair_seed as native_pair_seed
 from ._native import report as native_report
 from ._native import run as native_run
 from ._params import path, seed_of, text, whole
@@ -151,6 +152,12 @@ def join(runs: Sequence[Run | _Path], *, out: _Path) -> Run:
     folder = path("out", out, "the path of the folder of the new run")
     planned, recorded, failed = native_join(folders, folder)
     return Run(Path(folder), planned, recorded, 0, failed)
+
+
+def pair_seed(dataset: str, matcher: str, a: int, b: int, *, seed: int = 0, repetition: int = 0) -> int:
+    """The seed of a pair in a run: with it, `match` and `estimate` give the same results as the run."""
+    names = text("dataset", dataset, "a name"), text("matcher", matcher, "a name")
+    return native_pair_seed(*names, a, b, seed, repetition)
 
 
 def report(
