@@ -131,7 +131,7 @@ impl Dataset {
 
 /// Converts a folder in another layout to ours; returns the notes of the import.
 #[pyfunction]
-#[pyo3(signature = (kind, source, out, pairs, sequence, sensor, camera, poses, tolerance, interpolate, image_root,
+#[pyo3(signature = (kind, source, out, pairs, sequence, sensor, camera, poses, body_from_camera, tolerance, interpolate, image_root,
                     intrinsics, property, images))]
 pub(crate) fn import_dataset(
     py: Python<'_>,
@@ -143,6 +143,7 @@ pub(crate) fn import_dataset(
     sensor: Option<String>,
     camera: Option<PathBuf>,
     poses: Option<PathBuf>,
+    body_from_camera: Option<PathBuf>,
     tolerance: Option<f64>,
     interpolate: bool,
     image_root: Option<PathBuf>,
@@ -159,6 +160,7 @@ pub(crate) fn import_dataset(
             pairs,
             camera,
             poses,
+            body_from_camera,
             tolerance,
             interpolate,
             image_root,

@@ -669,6 +669,11 @@ def test_datasets_are_imported(dataset, images, tmp_path):
     assert 'property = "a cabinet"' in (tmp_path / "out" / "dataset.toml").read_text()
     assert len(imported) == 4 and len(imported.pairs) == 6 and imported.camera(3) == camera
     assert np.array_equal(mb.read_gray(imported.images[0]), images[0])
+    # The body goes along its x, which is up for the camera on it.
+    (source / "on-body.txt").write_text("0 -1 0 0\n1 0 0 0\n0 0 1 0\n")
+    mb.import_dataset("folder", source, tmp_path / "on-body", pairs="all", body_from_camera=source / "on-body.txt")
+    first = np.array((tmp_path / "on-body" / "pairs.txt").read_text().split()[2:14], float).reshape(3, 4)
+    assert np.allclose(first, np.column_stack([np.eye(3), [0, 1, 0]]))
     with pytest.raises(mb.Error, match="use one of"):
         mb.import_dataset("flickr", source, tmp_path / "other")
     with pytest.raises(ValueError, match="link"):

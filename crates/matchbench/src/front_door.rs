@@ -80,6 +80,9 @@ pub const PAIRS: Asked = Asked::new("--pairs", "pairs", Takes::Text);
 pub const CAMERA: Asked = Asked::new("--camera", "camera", Takes::Text);
 /// A file with poses.
 pub const POSES: Asked = Asked::new("--poses", "poses", Takes::Text);
+/// A file with the pose of the camera on the body whose poses a source has.
+pub const BODY_FROM_CAMERA: Asked =
+    Asked::new("--body-from-camera", "body_from_camera", Takes::Text);
 /// Largest difference in time between an image and its pose.
 pub const TOLERANCE: Asked = Asked::new("--tolerance", "tolerance", Takes::Number);
 /// Whether poses are interpolated.

@@ -332,6 +332,7 @@ def import_dataset(
     sensor: str | None,
     camera: _Path | None,
     poses: _Path | None,
+    body_from_camera: _Path | None,
     tolerance: float | None,
     interpolate: bool,
     image_root: _Path | None,

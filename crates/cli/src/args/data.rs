@@ -67,6 +67,10 @@ pub(crate) struct ImportArgs {
     /// matrix
     #[arg(long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
+    /// Where the camera is on the body whose poses SRC has, such as a depth camera, an inertial sensor or a
+    /// robot: `[R t]` of body_from_camera, 3x4 or 4x4
+    #[arg(long, value_name = "FILE")]
+    pub body_from_camera: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds [default: 0.02]
     #[arg(long, value_name = "SECONDS")]
     pub tolerance: Option<f64>,

@@ -17,6 +17,7 @@ pub(crate) fn run(args: &ImportArgs) -> Result<Ending> {
         pairs: args.pairs.as_deref().map(str::parse).transpose()?,
         camera: args.camera.clone(),
         poses: args.poses.clone(),
+        body_from_camera: args.body_from_camera.clone(),
         tolerance: args.tolerance,
         interpolate: args.interpolate,
         image_root: args.image_root.clone(),

@@ -197,6 +197,9 @@ pub struct StudyImport {
     /// The poses.
     #[serde(default, deserialize_with = "names::some_path")]
     pub poses: Option<PathBuf>,
+    /// The pose of the camera on the body whose poses the source has.
+    #[serde(default, deserialize_with = "names::some_path")]
+    pub body_from_camera: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds.
     #[serde(default, deserialize_with = "names::tolerance")]
     pub tolerance: Option<f64>,
@@ -233,6 +236,7 @@ impl StudyImport {
             pairs: self.pairs.clone(),
             camera: self.camera.clone(),
             poses: self.poses.clone(),
+            body_from_camera: self.body_from_camera.clone(),
             tolerance: self.tolerance,
             interpolate: self.interpolate,
             image_root: self.image_root.clone(),

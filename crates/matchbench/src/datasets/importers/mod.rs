@@ -70,14 +70,26 @@ pub const KINDS: &[Kind] = &[
         id: "tum",
         help: "TUM RGB-D: rgb.txt, groundtruth.txt, rgb/; intrinsics by freiburg1/2/3 in the name",
         default_pairs: Some(PairRule::Fragments { length: 15 }),
-        options: &[Has::Pairs, Has::Camera, Has::Tolerance, Has::Interpolate],
+        options: &[
+            Has::Pairs,
+            Has::Camera,
+            Has::BodyFromCamera,
+            Has::Tolerance,
+            Has::Interpolate,
+        ],
         read: tum::read,
     },
     Kind {
         id: "kitti",
         help: "KITTI odometry: sequences/NN/{image_0 (to image_3),calib.txt}, poses/NN.txt",
         default_pairs: Some(PairRule::Fragments { length: 5 }),
-        options: &[Has::Pairs, Has::Camera, Has::Sequence, Has::Sensor],
+        options: &[
+            Has::Pairs,
+            Has::Camera,
+            Has::BodyFromCamera,
+            Has::Sequence,
+            Has::Sensor,
+        ],
         read: kitti::read,
     },
     Kind {
@@ -91,7 +103,7 @@ pub const KINDS: &[Kind] = &[
         id: "7scenes",
         help: "7-Scenes: frame-NNNNNN.color.png and .pose.txt, in the folder or in seq-NN/",
         default_pairs: Some(PairRule::Fragments { length: 15 }),
-        options: &[Has::Pairs, Has::Camera, Has::Sequence],
+        options: &[Has::Pairs, Has::Camera, Has::BodyFromCamera, Has::Sequence],
         read: seven_scenes::read,
     },
     Kind {
@@ -102,6 +114,7 @@ pub const KINDS: &[Kind] = &[
             Has::Pairs,
             Has::Camera,
             Has::Poses,
+            Has::BodyFromCamera,
             Has::Tolerance,
             Has::Interpolate,
         ],
@@ -132,7 +145,7 @@ pub const KINDS: &[Kind] = &[
         id: "scannet-raw",
         help: "a scan of ScanNet: color/N.jpg, pose/N.txt (4x4), intrinsic/intrinsic_color.txt",
         default_pairs: Some(PairRule::Fragments { length: 15 }),
-        options: &[Has::Pairs, Has::Camera],
+        options: &[Has::Pairs, Has::Camera, Has::BodyFromCamera],
         read: scannet_raw::read,
     },
     Kind {
@@ -448,7 +461,17 @@ fn read_as(kind: &Kind, src: &Path, options: &ImportOptions<'_>) -> Result<Impor
             "check the path",
         ));
     }
-    let imported = (kind.read)(src, options).map_err(|error| with_layout(error, kind, src))?;
+    let body_from_camera = options.camera_on_body()?;
+    let mut imported = (kind.read)(src, options).map_err(|error| with_layout(error, kind, src))?;
+    if let Some(body_from_camera) = body_from_camera {
+        for pose in imported
+            .frames
+            .iter_mut()
+            .filter_map(|frame| frame.world_from_camera.as_mut())
+        {
+            *pose *= body_from_camera;
+        }
+    }
     if imported.frames.is_empty() {
         // Why images were left out: no pose is near enough in time, perhaps.
         let notes = imported.about.notes.iter().map(|note| format!("; {note}"));

@@ -540,6 +540,7 @@ fn an_option_that_a_kind_has_not_is_refused_with_those_that_have_it() {
         pairs: Some("all".parse().unwrap()),
         camera: Some("k".into()),
         poses: Some("p".into()),
+        body_from_camera: Some("b".into()),
         tolerance: Some(5.0),
         interpolate: true,
         image_root: Some("r".into()),

@@ -4,7 +4,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use nalgebra::Isometry3;
+
 use super::{KINDS, Kind};
+use crate::counted::counted;
+use crate::datasets::text::{self, TextFile};
 use crate::datasets::{Association, DatasetError, ImageStorage, PairRule};
 use crate::front_door::{self, Asked};
 
@@ -21,6 +25,8 @@ pub enum ImportOption {
     Camera,
     /// [`ImportOptions::poses`].
     Poses,
+    /// [`ImportOptions::body_from_camera`].
+    BodyFromCamera,
     /// [`ImportOptions::tolerance`].
     Tolerance,
     /// [`ImportOptions::interpolate`].
@@ -46,6 +52,7 @@ impl ImportOption {
             Self::Pairs => front_door::PAIRS,
             Self::Camera => front_door::CAMERA,
             Self::Poses => front_door::POSES,
+            Self::BodyFromCamera => front_door::BODY_FROM_CAMERA,
             Self::Tolerance => front_door::TOLERANCE,
             Self::Interpolate => front_door::INTERPOLATE,
             Self::ImageRoot => front_door::IMAGE_ROOT,
@@ -73,6 +80,8 @@ pub struct ImportOptions<'a> {
     pub camera: Option<PathBuf>,
     /// File with the poses.
     pub poses: Option<PathBuf>,
+    /// File with the pose of the camera on the body (depth camera, inertial sensor, robot ...) whose poses the source has.
+    pub body_from_camera: Option<PathBuf>,
     /// Largest difference in time between an image and its pose, in seconds; 0.02 if absent, as in TUM's own
     /// tool.
     pub tolerance: Option<f64>,
@@ -104,6 +113,22 @@ impl ImportOptions<'_> {
             tolerance,
             interpolate: self.interpolate,
         })
+    }
+
+    /// The pose of the camera on the body, from its file of 12 or 16 numbers: `[R t]`, or the 4x4 matrix.
+    pub(super) fn camera_on_body(&self) -> Result<Option<Isometry3<f64>>, DatasetError> {
+        let Some(file) = &self.body_from_camera else {
+            return Ok(None);
+        };
+        let file = TextFile::read(file)?.without_commas();
+        let numbers = file.numbers()?;
+        match numbers.len() {
+            12 => text::rigid_motion(numbers.first_chunk().expect("12 numbers")),
+            16 => text::rigid_motion_4x4(numbers.first_chunk().expect("16 numbers")),
+            count => Err(counted(count, "number")),
+        }
+        .map(Some)
+        .map_err(|what| file.error(what, "expected [R t], 3x4, or the 4x4 matrix"))
     }
 
     /// The camera that is read, of those that a source may have: the given one, or the first that is there in `folder`.
@@ -175,6 +200,10 @@ impl ImportOptions<'_> {
             (ImportOption::Camera, self.camera.as_ref().map(name)),
             (ImportOption::Poses, self.poses.as_ref().map(name)),
             (
+                ImportOption::BodyFromCamera,
+                self.body_from_camera.as_ref().map(name),
+            ),
+            (
                 ImportOption::Tolerance,
                 self.tolerance.map(|seconds| seconds.to_string()),
             ),
@@ -203,6 +232,10 @@ impl ImportOptions<'_> {
             (ImportOption::Pairs, self.pairs.is_some()),
             (ImportOption::Camera, self.camera.is_some()),
             (ImportOption::Poses, self.poses.is_some()),
+            (
+                ImportOption::BodyFromCamera,
+                self.body_from_camera.is_some(),
+            ),
             (ImportOption::Tolerance, self.tolerance.is_some()),
             (ImportOption::Interpolate, self.interpolate),
             (ImportOption::ImageRoot, self.image_root.is_some()),
@@ -215,6 +248,8 @@ impl ImportOptions<'_> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::super::tests::source;
     use super::super::{import, read_source};
     use super::*;
@@ -236,6 +271,58 @@ mod tests {
         let read = |options| read_source(kind, &src, options).expect("it was imported");
         assert_eq!(read(&named).frames, read(&ImportOptions::default()).frames);
         sequence.into_iter().collect()
+    }
+
+    #[test]
+    fn poses_of_a_body_become_those_of_the_camera_on_it() {
+        // The body looks along x of the world, and the camera on it to the left, half a unit above.
+        let poses = "0 0 1 3 -1 0 0 4 0 -1 0 5\n0 0 1 4 -1 0 0 4 0 -1 0 5\n";
+        let camera = "0 0 -1 0\n0 1 0 -0.5\n1 0 0 0\n";
+        let files = [
+            ("0.png", ""),
+            ("1.png", ""),
+            ("camera.txt", "20 0 12 0 20 8 0 0 1"),
+            ("poses.txt", poses),
+            ("camera-on-body.txt", camera),
+        ];
+        let (folder, src) = source("robot", &files);
+        let options = ImportOptions {
+            body_from_camera: Some(src.join("camera-on-body.txt")),
+            ..ImportOptions::default()
+        };
+        let read = |options| read_source("folder", &src, options);
+        let frames = read(&options).expect("it has the layout").frames;
+        let pose = frames[0].world_from_camera.expect("it has one");
+        let off = pose.translation.vector - Vector3::new(3.0, 4.0, 5.5);
+        assert!(off.norm() < 1e-12, "{pose}");
+        let ahead = pose * Vector3::z() - Vector3::y();
+        assert!(ahead.norm() < 1e-12, "{pose}");
+
+        let out = folder.path().join("out");
+        import("folder", &src, &out, &options).expect("it has the layout");
+        let words = describe(&out).expect("it was just written").import;
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        assert!(
+            words.ends_with(&["--body-from-camera", "robot/camera-on-body.txt"]),
+            "{words:?}"
+        );
+
+        let whole = format!("{camera}0 0 0 1\n");
+        for (written, error) in [
+            (whole.as_str(), None),
+            ("1 0 0\n0 1 0\n0 0 1\n", Some("9 numbers")),
+            ("2 0 0 0\n0 1 0 0\n0 0 1 0\n", Some("rotation")),
+        ] {
+            std::fs::write(src.join("camera-on-body.txt"), written).expect("it can be written");
+            match (read(&options), error) {
+                (Ok(again), None) => assert_eq!(again.frames, frames),
+                (Err(found), Some(error)) => {
+                    assert!(found.file.ends_with("camera-on-body.txt"), "{found}");
+                    assert!(found.what.contains(error), "{found}");
+                }
+                (found, _) => panic!("{written}: {found:?}"),
+            }
+        }
     }
 
     #[test]
