@@ -38,7 +38,7 @@ pub enum Loss {
 impl Loss {
     /// The cost of residuals. First the number of residuals that are not finite, if the loss has no bound; then
     /// the sum over the others.
-    fn cost(self, squared: &[f64], squared_scale: f64) -> (usize, f64) {
+    pub(super) fn cost(self, squared: &[f64], squared_scale: f64) -> (usize, f64) {
         match self {
             // `min` ignores NaN.
             Self::Truncated => (0, squared.iter().map(|r| r.min(squared_scale)).sum()),

@@ -3,14 +3,21 @@
 //! A pose `P` of a frame is read as world-from-camera, so a pair has the truth `b_from_a = P_b^-1 P_a`. Had the
 //! poses been camera-from-world, it would be `P_b P_a^-1`. This is another motion than the inverse of the first, so
 //! it needs the poses of the frames. If the axes of the cameras are others, with `camera = C other`, the truth is
-//! `C (b_from_a) C^-1`, which follows from the pair alone.
+//! `C (b_from_a) C^-1`, which follows from the pair alone; and so it is if the poses are those of a body to which the
+//! camera is fixed ([`camera_from_body`]).
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::path::Path;
 
+use matchbench_vision::geometry::{RelativePose, camera_from_body};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::datasets::{Sequence, relative_pose};
+use crate::front_door;
+
+/// Estimates that are off by more than about this count less, in radians.
+const SCALE: f64 = 3.0 * PI / 180.0;
 
 /// A mistake that may have been made.
 pub(super) struct Mistake {
@@ -21,6 +28,8 @@ pub(super) struct Mistake {
     poses: Poses,
     /// Takes the axes that the poses have to those of the camera.
     axes: Matrix3<f64>,
+    /// Where that is whose poses they are, for the camera.
+    place: Vector3<f64>,
 }
 
 /// Which poses are taken to be true.
@@ -40,7 +49,33 @@ impl Mistake {
             remedy: remedy.into(),
             poses,
             axes: Matrix3::identity(),
+            place: Vector3::zeros(),
         }
+    }
+
+    /// The poses are those of a body to which the camera is fixed, where it best explains these true poses of pairs and their
+    /// estimates; `None` without any.
+    pub(super) fn of_a_body(motions: &[(Isometry3<f64>, RelativePose)]) -> Option<Self> {
+        let camera_from_body = camera_from_body(motions, SCALE)?;
+        let axes = camera_from_body.rotation.to_rotation_matrix();
+        let there = camera_from_body.inverse().to_matrix();
+        let rows = there.fixed_rows::<3>(0).transpose();
+        let numbers = rows.iter().map(|number| format!("{number:.4}"));
+        let numbers = numbers.collect::<Vec<_>>().join(" ");
+        let degrees = camera_from_body.rotation.angle().to_degrees();
+        let apart = camera_from_body.translation.vector.norm();
+        let what = format!(
+            "the poses are those of a body to which the camera is fixed, turned by {degrees:.1} degrees and {apart:.3} away"
+        );
+        let remedy = format!(
+            "measure where the camera is on it (these poses say {numbers}), give that by {}",
+            front_door::BODY_FROM_CAMERA
+        );
+        Some(Self {
+            axes: axes.into_inner(),
+            place: camera_from_body.translation.vector,
+            ..Self::new(what, remedy, Poses::Given)
+        })
     }
 
     /// The true pose `b_from_a` of a pair if this mistake was made; `None` where that is not known.
@@ -59,8 +94,10 @@ impl Mistake {
         };
         let turned = self.axes * b_from_a.rotation.to_rotation_matrix() * self.axes.transpose();
         let rotation = Rotation3::from_matrix_unchecked(turned);
+        let translation =
+            self.axes * b_from_a.translation.vector + self.place - turned * self.place;
         Some(Isometry3::from_parts(
-            Translation3::from(self.axes * b_from_a.translation.vector),
+            Translation3::from(translation),
             UnitQuaternion::from_rotation_matrix(&rotation),
         ))
     }
