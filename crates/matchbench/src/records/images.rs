@@ -84,6 +84,11 @@ impl ImageNotes {
         })
     }
 
+    /// The name of the dataset.
+    pub(super) fn dataset(&self) -> &str {
+        &self.dataset
+    }
+
     /// Whether there is a file of notes, be it empty: there is one where the run has results of the dataset, unless it is
     /// of the first format.
     pub(crate) fn is_there(&self) -> bool {

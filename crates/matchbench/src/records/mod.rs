@@ -12,6 +12,7 @@ mod growth;
 pub(crate) mod images;
 mod joined;
 mod line;
+mod lost_notes;
 pub mod matches;
 mod outcome;
 mod parts;

@@ -240,8 +240,8 @@ impl Run<'_> {
             (plan, part) = shard.of(plan, self.datasets)?;
             datasets = &part;
         }
-        // A run that grows is refused here where its images have changed, while its results are in their place still: it
-        // could not go on, and had no results that are scored.
+        // A run that grows is refused here where its images have changed or their notes are lost, while its results are in
+        // their place still: it could not go on, and had no results that are scored.
         let (folder, verified) =
             RunWriter::start_checked(self.folder, plan, |before| all_verified(datasets, before))?;
         self.cache.remove_leftovers();
@@ -438,7 +438,7 @@ fn images<'d>(
 ) -> Result<BTreeMap<&'d str, Mutex<ImageNotes>>, RunError> {
     let mut images = BTreeMap::new();
     for dataset in datasets {
-        let Sequence { name, frames, .. } = &dataset.sequence;
+        let name = &dataset.sequence.name;
         let is_left =
             |progress: &MatcherProgress<'_>| progress.sequence.name == *name && !progress.is_done();
         if progresses.iter().any(is_left) {
@@ -446,16 +446,6 @@ fn images<'d>(
                 Some(notes) => notes,
                 None => verified_notes(&dataset.sequence, folder.folder())?,
             };
-            let has_results = |progress: &MatcherProgress<'_>| {
-                progress.sequence.name == *name && progress.has_results()
-            };
-            // Images that are not there are not verified anyway.
-            if !notes.is_there()
-                && progresses.iter().any(has_results)
-                && frames.iter().any(|frame| frame.image.is_file())
-            {
-                return Err(notes.lost().into());
-            }
             images.insert(&**name, Mutex::new(notes));
         }
     }
@@ -485,9 +475,16 @@ fn all_verified<'d>(
 }
 
 /// The notes of the images that a run has worked with on a dataset, which must be the same still, and so must their depth.
+///
+/// # Errors
+/// If they are others, or if that cannot be told.
 fn verified_notes(sequence: &Sequence, run: &RunFolder) -> Result<ImageNotes, FolderError> {
     let Sequence { name, frames, .. } = sequence;
     let notes = run.images_of(name)?;
+    // Images that are not there are not verified anyway.
+    if frames.iter().any(|frame| frame.image.is_file()) {
+        run.refuse_lost(&notes)?;
+    }
     notes.verify(|frame| Some(&*frames.get(frame as usize)?.image))?;
     let depth = |frame: u32| Some(&*frames.get(frame as usize)?.depth.as_ref()?.path);
     run.depth_of(name)?.verify(depth)?;

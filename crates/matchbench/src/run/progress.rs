@@ -88,8 +88,6 @@ struct EstimatorProgress {
     file: PathBuf,
     done: usize,
     failed: usize,
-    /// Whether any did not fail.
-    has_results: bool,
     /// Tasks that failed and are tried again, by their indices among the records.
     retried: BTreeSet<usize>,
     /// What was recorded before the run grew, of tasks that are not recorded since.
@@ -188,7 +186,6 @@ impl<'a> MatcherProgress<'a> {
     ) -> Result<(EstimatorProgress, Lost), StoreError> {
         let (mut done, mut failed, mut retried) = (0, 0, BTreeSet::new());
         let mut lost = Lost::default();
-        let mut has_results = false;
         let mut other_task = None;
         let mut tasks = (self.pairs.iter())
             .flat_map(|pair| (0..self.repetitions).map(move |repetition| (pair, repetition)));
@@ -201,7 +198,6 @@ impl<'a> MatcherProgress<'a> {
             if !is_next {
                 other_task.get_or_insert(line);
             }
-            has_results |= !record.outcome.has_failed();
             match record.outcome {
                 Outcome::Failed { may_pass, .. } if may_pass || retry_failed => {
                     retried.insert(done);
@@ -219,23 +215,19 @@ impl<'a> MatcherProgress<'a> {
                 reason: "the plan has another task here".into(),
             });
         }
-        let wanted = |record: &RunRecord| {
-            has_results |= !record.outcome.has_failed();
-            match record.outcome {
-                Outcome::Failed { may_pass, .. } => {
-                    let stays = !may_pass && !retry_failed;
-                    failed += usize::from(stays);
-                    stays
-                }
-                _ => lost.note_earlier(record, stored),
+        let wanted = |record: &RunRecord| match record.outcome {
+            Outcome::Failed { may_pass, .. } => {
+                let stays = !may_pass && !retry_failed;
+                failed += usize::from(stays);
+                stays
             }
+            _ => lost.note_earlier(record, stored),
         };
         let earlier = earlier(folder, names, &self.pairs, self.repetitions, done, wanted)?;
         let progress = EstimatorProgress {
             file,
             done,
             failed,
-            has_results,
             retried,
             earlier,
         };
@@ -245,11 +237,6 @@ impl<'a> MatcherProgress<'a> {
     /// The names of its dataset and its matcher, by which a run knows it from all others.
     pub(super) fn names(&self) -> [&str; 2] {
         [&self.sequence.name, self.contender.source.id()]
-    }
-
-    /// Whether a task was recorded that did not fail.
-    pub(super) fn has_results(&self) -> bool {
-        (self.estimators.iter()).any(|estimator| estimator.has_results)
     }
 
     /// A file of records that there were at first, and that there must be if the run has gone `on` with this matcher, but

@@ -18,7 +18,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::folder::hold;
-use super::images::{FIRST_WITH_NOTES, ImageNotes};
+use super::images::ImageNotes;
 use super::line::to_line;
 use super::staged::StagedRun;
 use super::{
@@ -462,8 +462,8 @@ impl Images {
                 let mut all = BTreeMap::new();
                 for folder in folders {
                     let notes = noted(folder, what, &dataset.name)?;
-                    if what == "image" && are_lost(&notes, folder, &dataset.name)? {
-                        return Err(notes.lost().into());
+                    if what == "image" {
+                        folder.refuse_lost(&notes)?;
                     }
                     for (&frame, &hash) in notes.known() {
                         if *all.entry(frame).or_insert(hash) != hash {
@@ -513,29 +513,6 @@ fn noted(folder: &RunFolder, what: &str, dataset: &str) -> Result<ImageNotes, Fo
         "image" => folder.images_of(dataset),
         _ => folder.depth_of(dataset),
     }
-}
-
-/// Whether the `notes` of the images of a dataset are not there, but should be.
-fn are_lost(notes: &ImageNotes, folder: &RunFolder, dataset: &str) -> Result<bool, StoreError> {
-    let plan = folder.plan();
-    if notes.is_there() || plan.format < FIRST_WITH_NOTES {
-        return Ok(false);
-    }
-    let mut has_results = false;
-    for planned in plan
-        .datasets
-        .iter()
-        .filter(|planned| planned.name == dataset)
-    {
-        for matcher in plan.matchers_on(planned) {
-            for estimator in &matcher.estimators {
-                folder.for_each_of([dataset, &matcher.id, &estimator.id], |record| {
-                    has_results |= !record.outcome.has_failed();
-                })?;
-            }
-        }
-    }
-    Ok(has_results)
 }
 
 /// The settings that any of the runs took over from tuning, each once.

@@ -88,7 +88,10 @@ fn a_run_that_has_lost_the_notes_of_its_images_does_not_go_on() {
     refused(&join(&runs, &bench.path("both")).unwrap_err().to_string());
     assert!(!bench.path("both").exists());
     bench.contenders = grown();
+    let plan = || fs::read_to_string(bench.path("run/plan.json")).unwrap();
+    let before = plan();
     refused(&bench.run("run").unwrap_err().to_string());
+    assert_eq!(plan(), before, "it has not begun to grow");
     // As the message says.
     fs::write(&notes, "").unwrap();
     bench.run("run").unwrap();
