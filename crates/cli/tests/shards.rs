@@ -163,6 +163,7 @@ fn a_file_that_cannot_be_written_to_its_end_is_named() {
     let said = String::from_utf8(output.expect("it ran").stderr).expect("UTF-8");
     let named = "error: cannot write merged/matches/wall/";
     assert!(said.contains(named), "{said}");
+    assert!(!said.contains(".matchbench-"), "what is gone: {said}");
 }
 
 #[test]

@@ -38,7 +38,9 @@ impl HiddenFolder {
         // Only the user can read the hidden folder. The one in it has ordinary permissions.
         let hidden = tempfile::Builder::new()
             .prefix(&format!("{PREFIX}folder-"))
-            .tempdir_in(folder)?;
+            .tempdir_in(folder)
+            // The error itself names the folder that it did not make.
+            .map_err(|error| io::Error::from(error.kind()))?;
         let held = File::create(hidden.path().join(HELD))?;
         hold(&held);
         let this = Self {

@@ -4,7 +4,7 @@ use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 use super::calls::{Call, before, sync, write_all};
 use super::{PREFIX, hold};
@@ -37,7 +37,9 @@ pub(crate) fn write_whole_file(path: &Path, contents: &[u8]) -> io::Result<()> {
 /// dropped before [`finish`](Self::finish), nothing is left.
 #[derive(Debug)]
 pub(crate) struct WholeFile {
-    beside: BufWriter<NamedTempFile>,
+    /// The temporary file beside it: its own errors do not name it, which is gone by then.
+    beside: BufWriter<File>,
+    temporary: TempPath,
     /// The path that it gets.
     path: PathBuf,
     /// The file that is at this path now.
@@ -52,9 +54,10 @@ impl WholeFile {
     pub(crate) fn create(path: &Path) -> io::Result<Self> {
         let earlier = earlier(path)?.map(|(earlier, _)| earlier);
         let path = followed(path)?;
-        let beside = BufWriter::new(beside(&path)?);
+        let (beside, temporary) = beside(&path)?.into_parts();
         Ok(Self {
-            beside,
+            beside: BufWriter::new(beside),
+            temporary,
             path,
             earlier,
         })
@@ -66,6 +69,7 @@ impl WholeFile {
     /// As [`write_unnamed`].
     pub(crate) fn finish(self) -> io::Result<()> {
         let beside = (self.beside.into_inner()).map_err(io::IntoInnerError::into_error)?;
+        let beside = NamedTempFile::from_parts(beside, self.temporary);
         put(beside, &self.path, self.earlier.as_ref())
     }
 }
@@ -134,12 +138,9 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
     };
     make_folder(folder)?;
     before(Call::Open, path)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX);
     // Temporary files can be read only by their owner; this one becomes an ordinary file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let beside = builder.tempfile_in(folder)?;
+    let ordinary = |path: &Path| File::create_new(path);
+    let beside = (tempfile::Builder::new().prefix(PREFIX)).make_in(folder, ordinary)?;
     hold(beside.as_file());
     Ok(beside)
 }

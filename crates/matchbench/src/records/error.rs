@@ -163,9 +163,27 @@ pub enum FolderError {
 impl FolderError {
     /// The error of trying to do `action` with the file at `path`.
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |error| {
-            let message = format!("cannot {action} {}: {error}", path.display());
-            Self::Io(io::Error::new(error.kind(), message))
+        move |error| StoreError::io(action, path)(error).into()
+    }
+
+    /// The same error, where it is of a file of the folder `hidden` that becomes the folder `out`, naming it there.
+    pub(super) fn staged(self, hidden: &Path, out: &Path) -> Self {
+        match self {
+            Self::Store(StoreError::Io {
+                action,
+                path,
+                error,
+            }) => {
+                let inside = path.strip_prefix(hidden).map(|inside| out.join(inside));
+                let path = inside.unwrap_or(path);
+                StoreError::Io {
+                    action,
+                    path,
+                    error,
+                }
+                .into()
+            }
+            other => other,
         }
     }
 }

@@ -47,7 +47,7 @@ use super::{
 };
 use crate::files::{
     link_in, make_folder, open_file, read_file, read_text, regular, remove_leftovers,
-    remove_leftovers_below, sync_folder_of, write_whole,
+    remove_leftovers_below, sync_folder_of, write_unnamed,
 };
 
 /// The folder of a run, to be read.
@@ -574,7 +574,8 @@ fn read_plan(path: &Path) -> Result<Option<Plan>, FolderError> {
 
 fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FolderError> {
     let text = serde_json::to_string_pretty(value).expect("what a run writes is plain JSON");
-    write_whole(path, format!("{text}\n").as_bytes())?;
+    let written = write_unnamed(path, format!("{text}\n").as_bytes());
+    written.map_err(FolderError::io("write", path))?;
     sync_folder_of(path);
     Ok(())
 }

@@ -38,17 +38,25 @@ impl StagedRun {
             HiddenFolder::beside(out)
         };
         let hidden = hidden.map_err(FolderError::io("make the folder", out))?;
+        let writer = RunWriter::start(&hidden.path(), plan);
         Ok(Self {
-            writer: RunWriter::start(&hidden.path(), plan)?,
+            writer: writer.map_err(|error| error.staged(&hidden.path(), out))?,
             hidden,
             out: out.into(),
             locks,
         })
     }
 
-    /// Its writer; the folder that this one names is the hidden one.
-    pub(super) fn writer(&self) -> &RunWriter {
-        &self.writer
+    /// Fills it: `write` is given its writer, whose folder is the hidden one. Errors name the files in the folder that the
+    /// run gets, since the hidden one is gone when they are read.
+    ///
+    /// # Errors
+    /// Whatever `write` returns.
+    pub(super) fn fill<T>(
+        &self,
+        write: impl FnOnce(&RunWriter) -> Result<T, FolderError>,
+    ) -> Result<T, FolderError> {
+        write(&self.writer).map_err(|error| error.staged(&self.hidden.path(), &self.out))
     }
 
     /// Moves the run to its folder.

@@ -157,19 +157,21 @@ pub fn join(runs: &[PathBuf], out: &Path) -> Result<Joined, JoinError> {
         .iter()
         .try_for_each(|tuned| tuned.check(&plan, &noted))?;
     let staged = StagedRun::start(out, plan)?;
-    let writer = staged.writer();
-    if !tuned.is_empty() {
-        writer.note_tuned(&tuned)?;
-    }
-    images.write(writer)?;
-    let folder = writer.folder();
-    let mut done = Joined {
-        planned: planned(folder.plan()),
-        ..Joined::default()
-    };
-    for taken in &taken {
-        taken.write(folder.path(), &mut done)?;
-    }
+    let done = staged.fill(|writer| {
+        if !tuned.is_empty() {
+            writer.note_tuned(&tuned)?;
+        }
+        images.write(writer)?;
+        let folder = writer.folder();
+        let mut done = Joined {
+            planned: planned(folder.plan()),
+            ..Joined::default()
+        };
+        for taken in &taken {
+            taken.write(folder.path(), &mut done)?;
+        }
+        Ok(done)
+    })?;
     staged.finish()?;
     Ok(done)
 }
@@ -389,7 +391,7 @@ fn waiting(folder: &RunFolder, names: [&str; 3], tasks: usize) -> Result<Count, 
 
 impl Taken<'_> {
     /// Writes it into the run `out`: matches first, since records refer to them.
-    fn write(&self, out: &Path, done: &mut Joined) -> Result<(), JoinError> {
+    fn write(&self, out: &Path, done: &mut Joined) -> Result<(), StoreError> {
         if let Some(folder) = self.matches {
             let path = |run: &Path| matches::path(run, &self.dataset, &self.matcher);
             copy_matches(&path(folder.path()), &path(out))?;
@@ -423,7 +425,7 @@ impl Taken<'_> {
 }
 
 /// Writes what waits of these names in a run that grew into the run `out`.
-fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), JoinError> {
+fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), StoreError> {
     let mut copy = None;
     let (run, format) = (folder.path(), folder.plan().format);
     let path = earlier::path(out, names);
@@ -435,17 +437,17 @@ fn copy_waiting(folder: &RunFolder, names: [&str; 3], out: &Path) -> Result<(), 
         };
         (file.write_all(&to_line(&record))).map_err(unwritable)
     })?;
-    copy.map_or(Ok(()), |file| Ok(file.finish().map_err(unwritable)?))
+    copy.map_or(Ok(()), |file| file.finish().map_err(unwritable))
 }
 
 /// Copies a file of matches that is none but that.
-fn copy_matches(from: &Path, to: &Path) -> Result<(), JoinError> {
+fn copy_matches(from: &Path, to: &Path) -> Result<(), StoreError> {
     MatchesFile::open(from)?;
     let mut source = open_file(from).map_err(StoreError::io("read", from))?;
     let unwritable = StoreError::io("write", to);
     let mut copy = WholeFile::create(to).map_err(unwritable)?;
     io::copy(&mut source, &mut copy).map_err(unwritable)?;
-    Ok(copy.finish().map_err(unwritable)?)
+    copy.finish().map_err(unwritable)
 }
 
 /// The notes of the images, and of their depth, of each dataset.

@@ -249,6 +249,10 @@ fn a_join_that_breaks_off_leaves_no_run_and_can_be_repeated() {
                 let ended = joined(&bench, &["a", "b"], &out);
                 let happened = broken.happened();
                 drop(broken);
+                if let Err(error) = &ended {
+                    let said = error.to_string();
+                    assert!(!said.contains(".matchbench-"), "what is gone: {said}");
+                }
                 if ended.is_ok() {
                     assert_eq!(bench.records(&out), whole, "{out}, {happened:?}");
                     assert_eq!(note.exists(), is_there);
