@@ -5,6 +5,7 @@
 
 use matchbench::counted::counted;
 use matchbench::datasets::{check_size, gray_of_rgb};
+use matchbench::external::wrong_descriptor;
 use matchbench_vision::features::{BinaryRows, DescriptorKind, Descriptors, FloatRows};
 use matchbench_vision::image::{GrayImage, Size};
 use nalgebra::{Matrix3, Point2};
@@ -349,7 +350,7 @@ pub(crate) fn index_pairs(value: &Bound<'_, PyAny>, counts: [usize; 2]) -> PyRes
 /// `bits` is the number of bits of a row that are used; `None` means all.
 ///
 /// # Errors
-/// If it is anything else, or contains a number that is not finite.
+/// If it is anything else, contains a number that is not finite, or one with which distances would not be.
 pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyResult<Descriptors> {
     let expected = "an array n x d, of float32 (real values) or uint8 (bits, eight in a byte)";
     refuse_masked(value, "descriptors")?;
@@ -370,6 +371,9 @@ pub(crate) fn descriptors(value: &Bound<'_, PyAny>, bits: Option<usize>) -> PyRe
         }
         let values = flat(&floats)?;
         rows_finite("descriptors", &values, dim)?;
+        if let Some(wrong) = wrong_descriptor(&values, dim) {
+            return Err(value_error(format!("`descriptors`: {wrong}")));
+        }
         return Ok(Descriptors::Float(FloatRows::from_vec(dim, values)));
     }
     let Ok(bytes) = value.cast::<PyArray2<u8>>() else {

@@ -359,6 +359,14 @@ def test_numbers_that_are_not_finite_are_refused_by_array_and_row(name, value):
         mb.Features.from_arrays(image_size=(10, 10), **arrays)
 
 
+def test_descriptors_whose_distances_overflow_are_refused():
+    descriptors = np.zeros((3, 8), np.float32)
+    descriptors[2, 5] = -3e38
+    with pytest.raises(ValueError, match="`descriptors`: row 2 has the value -3e38, .*8 values are infinite; divide all"):
+        mb.Features.from_arrays(np.zeros((3, 2)), descriptors, (10, 10))
+    assert len(mb.Features.from_arrays(np.zeros((3, 2)), descriptors / 1e21, (10, 10))) == 3
+
+
 def test_sides_of_an_image_may_be_a_list_or_an_array(features):
     one = features[0]
 

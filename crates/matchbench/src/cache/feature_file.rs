@@ -124,7 +124,8 @@ fn row_bytes(layout: u8, width: usize) -> Option<usize> {
     }
 }
 
-/// The features in a file, if they were saved under `key`, the file is complete, and all its numbers are finite.
+/// The features in a file, if they were saved under `key`, the file is complete, and all its numbers are finite, as are the
+/// distances of its descriptors.
 pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
     let (content, checksum) = file.split_at_checked(file.len().checked_sub(CHECKSUM)?)?;
     if blake3::hash(content) != *<&[u8; CHECKSUM]>::try_from(checksum).ok()? {
@@ -151,7 +152,8 @@ pub(super) fn from_bytes(file: &[u8], key: Key) -> Option<Features> {
             let data: Vec<f32> = (rows.as_chunks().0.iter())
                 .map(|x| f32::from_le_bytes(*x))
                 .collect();
-            if !data.iter().all(|value| value.is_finite()) {
+            let largest = FloatRows::largest_value(width);
+            if !data.iter().all(|value| value.abs() <= largest) {
                 return None;
             }
             Descriptors::Float(FloatRows::from_vec(width, data))
@@ -273,6 +275,9 @@ mod tests {
                 assert_eq!(from_bytes(&to_bytes(&forged, KEY), KEY), None);
             }
         }
+        let data = vec![0.5, 1.0, 3e38, 1.0];
+        let far = features(Descriptors::Float(FloatRows::from_vec(2, data)));
+        assert_eq!(from_bytes(&to_bytes(&far, KEY), KEY), None);
     }
 
     #[test]

@@ -20,6 +20,7 @@ use nalgebra::Point2;
 
 use super::answer::is_inside;
 use crate::arrays::{Array, ArrayError, Npz};
+use crate::counted::counted;
 use crate::memory::{Reserved, TooMuch, reserve};
 
 /// Most features of an image.
@@ -137,6 +138,19 @@ pub fn wrong_angle(angles: &[f32]) -> Option<String> {
         .then(|| format!("every row is -1, and these are radians. {REMEDY}"))
 }
 
+/// What is wrong with the values of descriptors of this length: one is so large that squared distances overflow.
+pub fn wrong_descriptor(values: &[f32], length: usize) -> Option<String> {
+    let largest = FloatRows::largest_value(length);
+    let at = values.iter().position(|value| value.abs() > largest)?;
+    Some(format!(
+        "row {} has the value {:e}, and beyond about {largest:.0e} distances of rows of {} are infinite; divide all \
+         descriptors by one number",
+        at / length,
+        values[at],
+        counted(length, "value"),
+    ))
+}
+
 /// The values of an array, if it is there: of this shape, and all finite, or NaN among `angles`.
 fn array(file: &mut Npz, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>, String> {
     let found = file.find(name);
@@ -184,8 +198,11 @@ fn read_descriptors(array: &Array, count: usize, hamming: bool) -> Result<Descri
         )));
     }
     let values = array.to_f32();
-    match values.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(format!("its `descriptors` hold {value}")),
+    if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+        return Err(format!("its `descriptors` hold {value}"));
+    }
+    match wrong_descriptor(&values, length) {
+        Some(wrong) => Err(format!("its `descriptors`: {wrong}")),
         None => Ok(Descriptors::Float(FloatRows::from_vec(length, values))),
     }
 }
@@ -300,6 +317,23 @@ mod tests {
             );
         }
         assert_eq!(kept(&[f32::INFINITY]).unwrap_err(), "its `angles` hold inf");
+    }
+
+    #[test]
+    fn descriptors_whose_distances_overflow_are_refused() {
+        let read_rows = |values: &[f32]| {
+            let points = ("keypoints", floats("(2, 2)", &[5.0; 4]));
+            let rows = ("descriptors", floats("(2, 3)", values));
+            read(&[points, rows], 2, false).map(drop)
+        };
+        let largest = FloatRows::largest_value(3);
+        let rows = |value| [1.0, 2.0, 3.0, 4.0, value, 6.0];
+        assert_eq!(read_rows(&rows(-largest)), Ok(()));
+        let wrong = read_rows(&rows(-3e38)).unwrap_err();
+        let named = "its `descriptors`: row 1 has the value -3e38, and beyond about 4e18 distances of rows of 3 values";
+        assert!(wrong.starts_with(named), "{wrong}");
+        let wrong = read_rows(&rows(f32::NAN)).unwrap_err();
+        assert_eq!(wrong, "its `descriptors` hold NaN");
     }
 
     #[test]

@@ -62,7 +62,7 @@ mod worker;
 
 pub use answer::{Described, Matched, Times, is_inside};
 pub use check::{Finding, Verdict, check};
-pub use features::{wrong_angle, wrong_size};
+pub use features::{wrong_angle, wrong_descriptor, wrong_size};
 pub use log::Log;
 pub use manifest::{BuiltIn, Kind, Manifest, ManifestError, Matching};
 pub use pool::{Breakdown, External, Image, StartError};

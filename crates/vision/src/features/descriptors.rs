@@ -130,6 +130,12 @@ impl FloatRows {
         }
     }
 
+    /// The largest magnitude of the values of rows of `dim` with which every squared distance is finite: that of opposite
+    /// rows is `4 dim` times its square, and sums that are rounded may be as much again.
+    pub fn largest_value(dim: usize) -> f32 {
+        (f32::MAX / 8.0 / dim as f32).sqrt()
+    }
+
     /// Values in a row.
     pub fn dim(&self) -> usize {
         self.dim
@@ -379,6 +385,20 @@ mod tests {
         assert!(find(&rows) < 500);
         rows.push(&vec![254.0; dim]);
         assert_eq!(find(&rows), 500);
+    }
+
+    #[test]
+    fn distances_of_the_largest_values_are_finite() {
+        for dim in [1, 3, 128, 4096, 1 << 20] {
+            let largest = FloatRows::largest_value(dim);
+            let distance = |value: f32| {
+                let [a, b] =
+                    [value, -value].map(|value| FloatRows::from_vec(dim, vec![value; dim]));
+                two_nearest_floats(a.data(), b.data(), dim, b.prepared(), None)[0].nearest
+            };
+            assert!(distance(largest).is_finite(), "{dim}");
+            assert!(distance(2.0 * largest).is_infinite(), "{dim}");
+        }
     }
 
     #[test]
