@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{few, few_numbers, kind_of, matrix, matrix_3x3};
 use crate::errors::value_error;
+use crate::text;
 
 /// The origin of pixel coordinates: at the centre of the first pixel, or at its corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +68,7 @@ impl Camera {
         cy: f64,
         distortion: Option<Bound<'_, PyAny>>,
         fisheye: Option<Bound<'_, PyAny>>,
-        origin: &str,
+        #[pyo3(from_py_with = text::origin)] origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
         let numbers = |given: Option<Bound<'_, PyAny>>, name| {
@@ -108,7 +109,7 @@ impl Camera {
         matrix: &Bound<'_, PyAny>,
         distortion: Option<Bound<'_, PyAny>>,
         fisheye: Option<Bound<'_, PyAny>>,
-        origin: &str,
+        #[pyo3(from_py_with = text::origin)] origin: &str,
     ) -> PyResult<Self> {
         let k = matrix_3x3(matrix, "matrix")?;
         let geometry::Camera { fx, fy, cx, cy, .. } =
@@ -121,7 +122,11 @@ impl Camera {
     /// OPENCV_FISHEYE.
     #[staticmethod]
     #[pyo3(signature = (model, params, *, origin))]
-    fn from_model(model: &str, params: &Bound<'_, PyAny>, origin: &str) -> PyResult<Self> {
+    fn from_model(
+        #[pyo3(from_py_with = text::model)] model: &str,
+        params: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = text::origin)] origin: &str,
+    ) -> PyResult<Self> {
         let params: Vec<f64> = few(params, "params", MOST_NUMBERS)?;
         let shift = Origin::parse(origin)?.shift();
         let given = camera_of_model(model, &params).map_err(value_error)?;

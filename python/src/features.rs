@@ -19,6 +19,7 @@ use crate::camera::Origin;
 use crate::detached::detached;
 use crate::integers::{whole, width_and_height};
 use crate::pickled::{Reduced, by_method};
+use crate::text;
 
 /// Keypoints of an image and their descriptors: row i of every array is feature i. The arrays are read-only; copy
 /// one to change it.
@@ -154,7 +155,7 @@ impl Features {
         octaves: Option<Bound<'_, PyAny>>,
         lafs: Option<Bound<'_, PyAny>>,
         #[pyo3(from_py_with = whole)] bits: Option<usize>,
-        origin: &str,
+        #[pyo3(from_py_with = text::origin)] origin: &str,
     ) -> PyResult<Self> {
         let shift = Origin::parse(origin)?.shift();
         let at = points(keypoints, "keypoints")?;
@@ -319,7 +320,11 @@ impl Features {
     /// A dict with LightGlue's keys: keypoints, descriptors, keypoint_scores, scales, oris, image_size; without its
     /// batch axis.
     #[pyo3(signature = (*, origin="center"))]
-    fn to_dict<'py>(&self, py: Python<'py>, origin: &str) -> PyResult<Bound<'py, PyDict>> {
+    fn to_dict<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = text::origin)] origin: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let shift = Origin::parse(origin)?.shift() as f32;
         let keypoints = if shift == 0.0 {
             self.keypoints(py)?

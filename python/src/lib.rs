@@ -28,6 +28,7 @@ mod run;
 mod scores;
 mod show;
 mod study;
+mod text;
 
 /// For the arrays of Rust; those of numpy have huge pages already.
 #[global_allocator]

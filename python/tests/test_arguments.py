@@ -180,6 +180,8 @@ def test_text_that_is_none_is_refused_where_it_is_given(dataset, tmp_path):
 
     odd = "or\udc80b"
     named.name = odd
+    arrays = np.zeros((3, 2)), np.zeros((3, 8), np.float32)
+    features = mb.Features.from_arrays(*arrays, (10, 10))
     for call, name in [
         (lambda: mb.matcher(odd), "id"),
         (lambda: mb.estimator(odd), "id"),
@@ -197,9 +199,18 @@ def test_text_that_is_none_is_refused_where_it_is_given(dataset, tmp_path):
         (lambda: mb.rendered_scene(odd, tmp_path), "name"),
         (lambda: mb.import_dataset(odd, dataset.path, tmp_path / "out"), "kind"),
         (lambda: mb.import_dataset("folder", dataset.path, tmp_path / "out", property=odd), "property"),
+        (lambda: mb.pair_seed(odd, "orb", 0, 1), "dataset"),
+        (lambda: mb.Camera(1, 1, 0, 0, origin=odd), "origin"),
+        (lambda: mb.Camera.from_matrix(np.eye(3), origin=odd), "origin"),
+        (lambda: mb.Camera.from_model("PINHOLE", [1, 1, 0, 0], origin=odd), "origin"),
+        (lambda: mb.Camera.from_model(odd, [1, 1, 0, 0], origin="center"), "model"),
+        (lambda: mb.Features.from_arrays(*arrays, (10, 10), origin=odd), "origin"),
+        (lambda: features.to_dict(origin=odd), "origin"),
+        (lambda: mb.match(features, features, odd), "method"),
     ]:
         refused(call, f"{name}: 'or\\udc80b' has surrogates, which are no characters; give ", kind=ValueError)
-    refused(lambda: mb.pair_seed(odd, "orb", 0, 1), "'or\\udc80b' has surrogates", kind=ValueError)
+    for call, name in [(lambda: mb.Camera(1, 1, 0, 0, origin=5), "origin"), (lambda: mb.match(features, features, 5), "method")]:
+        refused(call, f"{name}: a value of type int; give ", kind=TypeError)
     # The name of a file need be no text.
     assert mb.MatchesFrom("one", odd).parts[1] == [odd]
 

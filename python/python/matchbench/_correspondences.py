@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._native import Features, search
+from ._params import text
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,4 +67,4 @@ def match(
                 f"match takes Features, not {type(value).__name__}; "
                 "Features.from_arrays(keypoints, descriptors, image_size) makes them"
             )
-    return Correspondences(*search(a, b, method, ratio))
+    return Correspondences(*search(a, b, text("method", method, '"nn", "ratio", "mutual" or "smnn"'), ratio))
