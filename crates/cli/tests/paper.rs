@@ -110,6 +110,20 @@ fn what_is_there_is_run_and_stands_beside_what_was_published() {
 }
 
 #[test]
+fn data_of_which_nothing_can_be_used_are_told_as_such() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let data = folder.path().join("data");
+    castle(&data);
+    fs::remove_dir_all(data.join("castle-P30/gt_dense_cameras")).expect("it was just made");
+    let output = paper(folder.path(), &["data", "--out", "out"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("05-castle is left out: "), "{told}");
+    let ends = "error: data: none of the paper's data can be used; `matchbench paper --where` says what belongs there\n";
+    assert!(told.ends_with(ends), "{told}");
+}
+
+#[test]
 fn what_belongs_where_is_said() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let list = String::from_utf8(paper(folder.path(), &["--where"]).stdout).expect("text");

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 use anyhow::{Context, Result};
-use matchbench::paper::{Paper, times, where_to_find};
+use matchbench::paper::{Paper, PaperError, times, where_to_find};
 use matchbench::records::RunFolder;
 use matchbench::report::{ReportOptions, paper_of_run};
 
@@ -29,6 +29,9 @@ pub(crate) fn run(args: &PaperArgs) -> Result<Ending> {
     let (study, left_out) = paper.study(&tell_news)?;
     for sequence in &left_out {
         say!("{} is left out: {}", sequence.sequence, sequence.reason);
+    }
+    if study.datasets.is_empty() {
+        return Err(PaperError::NoData(data.clone()).into());
     }
     let is_broken = left_out.iter().any(|sequence| sequence.is_broken);
     let stop = Stop::on_ctrl_c(AFTER_PAIRS)?;
