@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use matchbench::estimators;
-use matchbench::matchers::MATCHERS;
+use matchbench::matchers::{self, MATCHERS};
 use matchbench::protocols::{self, EstimatorRule};
 use serde_json::Value;
 
@@ -492,7 +492,7 @@ fn every_folder_of_results_says_how_they_came_about() {
 }
 
 #[test]
-fn estimators_and_protocols_of_published_scores_are_those_of_today() {
+fn matchers_estimators_and_protocols_of_published_scores_are_those_of_today() {
     let folder = repository().join("docs/results");
     let mut checked = BTreeMap::new();
     for entry in fs::read_dir(folder).expect("it is part of the repository") {
@@ -503,6 +503,11 @@ fn estimators_and_protocols_of_published_scores_are_those_of_today() {
         let plan: Value = serde_json::from_str(&plan).expect("JSON");
         let commands = fs::read_to_string(folder.join("commands.sh")).expect("it is there");
         for matcher in plan["matchers"].as_array().expect("a list") {
+            let id = matcher["id"].as_str().expect("a name");
+            if let Ok(entry) = matchers::find(id) {
+                let written = entry.modernized(&matcher["params"]);
+                assert_eq!(written, entry.defaults(), "{id}");
+            }
             for planned in matcher["estimators"].as_array().expect("a list") {
                 let name = planned["id"].as_str().expect("a name");
                 let id = planned["variant_of"].as_str().unwrap_or(name);

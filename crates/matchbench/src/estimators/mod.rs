@@ -131,14 +131,6 @@ impl PresetParams for SampleConsensusParams {
     }
 
     fn of_earlier_version(&self, written: Settings) -> Settings {
-        // Plans list every parameter. One that came later is not in them, and what it does was not done then.
-        let written = Settings {
-            turns: written.turns.or(Some(false)),
-            plane_poses: written.plane_poses.or(Some(false)),
-            hypotheses: written.hypotheses.or(Some(1)),
-            hopeless: written.hopeless.or(Some(0.0)),
-            ..written
-        };
         written.of_earlier_version(self)
     }
 }

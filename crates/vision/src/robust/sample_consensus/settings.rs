@@ -64,9 +64,14 @@ impl SampleConsensusParams {
 
 impl Settings {
     /// The settings of a file of an earlier version that have an effect as changes of `base`. Such files hold
-    /// every name, including those of parts that were not chosen.
+    /// every name, including those of parts that were not chosen. A name that came later is not in them, and what it does
+    /// was not done then.
     #[must_use]
     pub fn of_earlier_version(mut self, base: &SampleConsensusParams) -> Self {
+        self.turns = self.turns.or(Some(false));
+        self.plane_poses = self.plane_poses.or(Some(false));
+        self.hypotheses = self.hypotheses.or(Some(1));
+        self.hopeless = self.hopeless.or(Some(0.0));
         // All samples were drawn in any case, so the confidence had no effect.
         if self.min_iterations.is_some() && self.min_iterations == self.max_iterations {
             self.confidence = Some(1.0);
