@@ -71,9 +71,9 @@ pub fn scenes() -> &'static [Scene] {
 mod tests {
     use std::sync::OnceLock;
 
-    use matchbench_vision::geometry::transfer;
+    use matchbench_vision::geometry::{Camera, transfer};
     use matchbench_vision::image::{FloatImage, Size};
-    use nalgebra::{Matrix3, Point2, Point3};
+    use nalgebra::{Isometry3, Matrix3, Matrix4, Point2, Point3, Vector2, Vector4};
 
     use super::*;
 
@@ -135,6 +135,22 @@ mod tests {
         assert_eq!(one, two);
     }
 
+    /// What pixel (`x`, `y`) of `a` sees at this depth: its place before camera `b`, and in the image of `b`.
+    fn taken(
+        camera: &Camera,
+        b_from_a: &Isometry3<f64>,
+        [x, y]: [usize; 2],
+        depth: f32,
+    ) -> (Point3<f64>, Point2<f64>) {
+        let (ray, z) = (
+            camera.normalize(Point2::new(x as f64, y as f64)),
+            f64::from(depth),
+        );
+        let in_b = b_from_a * Point3::new(ray.x * z, ray.y * z, z);
+        let pixel = camera.project(Point2::new(in_b.x / in_b.z, in_b.y / in_b.z));
+        (in_b, pixel)
+    }
+
     #[test]
     fn points_seen_in_one_frame_lie_on_what_the_other_sees() {
         let scene = named("cabinet-wide");
@@ -145,10 +161,7 @@ mod tests {
         let (mut seen, mut equal, mut floating) = (0, 0, 0);
         for y in (0..scene.size.height).step_by(3) {
             for x in (0..scene.size.width).step_by(3) {
-                let ray = camera.normalize(Point2::new(x as f64, y as f64));
-                let z = f64::from(depth_a.at(x, y));
-                let in_b = b_from_a * Point3::new(ray.x * z, ray.y * z, z);
-                let pixel = camera.project(Point2::new(in_b.x / in_b.z, in_b.y / in_b.z));
+                let (in_b, pixel) = taken(&camera, &b_from_a, [x, y], depth_a.at(x, y));
                 let Some((nearest, furthest)) = range_around(&depth_b, pixel) else {
                     continue;
                 };
@@ -185,6 +198,58 @@ mod tests {
         ))
     }
 
+    /// By how many pixels the picture of frame `b` is shifted against that of frame `a`, taken to `b` by its depth and the
+    /// poses: the step of Lucas and Kanade, "An Iterative Image Registration Technique", 1981, with a gain and an offset.
+    fn shift_of_the_picture(scene: &Scene, a: u32, b: u32) -> Vector2<f64> {
+        let (world, camera) = (world(scene.place), scene.camera());
+        let [picture_a, picture_b] = [a, b].map(|frame| world.render(scene, frame));
+        let [depth_a, depth_b] = [a, b].map(|frame| world.depth(scene, frame));
+        let b_from_a = scene.world_from_camera(b).inverse() * scene.world_from_camera(a);
+        let mut normal = Matrix4::zeros();
+        let mut right = Vector4::zeros();
+        for y in 0..scene.size.height {
+            for x in 0..scene.size.width {
+                let (in_b, pixel) = taken(&camera, &b_from_a, [x, y], depth_a.at(x, y));
+                let is_seen = range_around(&depth_b, pixel).is_some_and(|(nearest, furthest)| {
+                    in_b.z > nearest * 0.999 && in_b.z < furthest * 1.001
+                });
+                if !is_seen {
+                    continue;
+                }
+                let (left, top) = (pixel.x as usize, pixel.y as usize);
+                let (u, v) = (pixel.x - left as f64, pixel.y - top as f64);
+                let [p, q, r, s] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+                    .map(|(dx, dy)| f64::from(picture_b.at(left + dx, top + dy)));
+                let seen = (p * (1.0 - u) + q * u) * (1.0 - v) + (r * (1.0 - u) + s * u) * v;
+                let across = (q - p) * (1.0 - v) + (s - r) * v;
+                let down = (r - p) * (1.0 - u) + (s - q) * u;
+                // seen = slope of b * shift + gain * a + offset
+                let row = Vector4::new(across, down, f64::from(picture_a.at(x, y)), 1.0);
+                normal += row * row.transpose();
+                right += row * seen;
+            }
+        }
+        let found = normal.lu().solve(&right).expect("there is texture");
+        found.xy()
+    }
+
+    /// Pictures that are half a pixel beside their poses and depths would be shifted where the camera turns: by an eighth of a
+    /// circle before the mural.
+    #[test]
+    fn pictures_show_what_their_poses_and_depths_say() {
+        for (name, a, b) in [
+            ("office", 0, 1),
+            ("object", 0, 1),
+            ("street", 0, 1),
+            ("facade", 0, 1),
+            ("mural", 6, 8),
+            ("mural", 8, 6),
+        ] {
+            let off = shift_of_the_picture(&small(name), a, b);
+            assert!(off.norm() < 0.1, "{name}: {off}");
+        }
+    }
+
     #[test]
     fn the_homography_takes_pixels_where_their_rays_meet_the_wall() {
         for name in ["mural", "tiling"] {
@@ -195,10 +260,9 @@ mod tests {
             let homography = scene.homography(6, 9).expect("a plane scene");
             for y in (0..scene.size.height).step_by(11) {
                 for x in (0..scene.size.width).step_by(11) {
-                    let (pixel, z) = (Point2::new(x as f64, y as f64), f64::from(depth.at(x, y)));
-                    let ray = camera.normalize(pixel);
-                    let in_b = b_from_a * Point3::new(ray.x * z, ray.y * z, z);
-                    let seen = camera.project(Point2::new(in_b.x / in_b.z, in_b.y / in_b.z));
+                    let z = depth.at(x, y);
+                    let (_, seen) = taken(&camera, &b_from_a, [x, y], z);
+                    let pixel = Point2::new(x as f64, y as f64);
                     let off = (transfer(&homography, pixel) - seen).norm();
                     assert!(off < 1e-3, "{name} {x} {y}: {off} pixels, depth {z}");
                 }
