@@ -144,6 +144,8 @@ mod tests {
             ([0.1, -0.3, 0.2], [0.8, 0.1, 0.3], [0.3, -0.2], 3.0),
             ([-0.4, 0.5, 2.5], [-0.5, 0.4, -0.6], [-0.4, 0.3], 1.7),
             ([0.0, -0.7, 0.0], [1.0, 0.0, 0.1], [0.1, 0.1], 1.2),
+            // Seen from near by, and then from further away: a quarter as large.
+            ([0.1, 0.0, 0.3], [0.2, 0.1, 1.0], [0.2, -0.1], 0.3),
         ] {
             let pose = pose(angles, direction);
             let a = Point2::from(a);

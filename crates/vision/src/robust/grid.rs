@@ -120,6 +120,21 @@ mod tests {
     }
 
     #[test]
+    fn cells_are_counted_by_rows_and_what_is_nowhere_has_one_more() {
+        let x = [0.0, 1.0, 0.0, 1.0, 0.55, f64::NAN, 0.5];
+        let y = [0.0, 0.0, 2.0, 2.0, 0.7, 1.0, f64::INFINITY];
+        let cells = cells_of(&x, &y, 10, NOTHING_IS_FAR);
+        assert_eq!(cells, [0, 9, 90, 99, 35, 100, 100]);
+        assert_eq!((span(&y, NOTHING_IS_FAR), span(&x[5..6], 4.0)), (2.0, 0.0));
+    }
+
+    #[test]
+    fn half_of_the_coordinates_may_be_far_and_no_more() {
+        assert_eq!(span(&[0.0, 1.0, 10.0, 20.0], 4.0), 1.0);
+        assert_eq!(span(&[0.0, 10.0, 20.0], 4.0), 20.0);
+    }
+
+    #[test]
     fn points_in_other_units_are_not_all_far() {
         let pixels: Vec<f64> = (0..640).map(f64::from).collect();
         let of = |far| cells_of(&pixels, &pixels, 10, far);

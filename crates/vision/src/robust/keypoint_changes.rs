@@ -99,6 +99,7 @@ mod tests {
         // An error as large as the scale halves it; whole circles are none.
         near(trust(Some((0.1 + TURN) as f32), None), 0.5);
         near(trust(Some((0.1 - TURN + TAU) as f32), Some(0.3)), 0.25);
+        near(trust(Some((0.1 + TURN - TAU) as f32), None), 0.5);
         near(trust(None, Some(0.8)), 0.2);
         assert!(trust(Some(f32::NAN), None).is_nan());
     }

@@ -187,6 +187,9 @@ mod tests {
         assert!(cost(1.0, [0.4, 0.0], [0.3, 0.0]) < 1e-30);
         let beside = (0.4_f64 * 0.03).powi(2) / (0.16 + 0.09 + 0.0009);
         assert!((cost(1.0, [0.4, 0.0], [0.3, 0.03]) - beside).abs() < 1e-12);
+        // A quarter of a baseline before a or before b alone, which is not behind it.
+        assert!(cost(1.0, [0.5, 0.0], [0.1, 0.0]) < 1e-30);
+        assert!(cost(-1.0, [0.1, 0.0], [0.5, 0.0]) < 1e-30);
         // On its line, and half a baseline behind a or behind b alone.
         assert_eq!(cost(1.0, [0.2, 0.0], [-0.2, 0.0]), 0.01);
         assert_eq!(cost(-1.0, [0.2, 0.0], [-0.2, 0.0]), 0.01);

@@ -300,14 +300,15 @@ fn the_usual_parallax_is_up_to_twice_the_median_and_what_noise_adds() {
         rotation: UnitQuaternion::from_euler_angles(0.0, 0.3, 0.0),
         ..sideways()
     };
-    let degrees = [1.0, 2.06, 1.0, 2.04, 1.0_f64];
+    let degrees = [3.0, 6.06, 0.5, 6.04, 1.0_f64];
     let pairs: PointPairs = (degrees.iter())
         .map(|parallax| (0.3 + parallax.to_radians()).tan())
         .map(|x| (Point2::origin(), Point2::new(x, 0.0)))
         .collect();
     let (usual, mean_square) = of_usual_parallax(&pose, &pairs);
     assert_eq!(usual, pairs.chosen(&[0, 2, 3, 4]));
-    let expected = (3.0 + 2.04_f64.powi(2)) / 4.0 * 1.0_f64.to_radians().powi(2);
+    let squares = 3.0_f64.powi(2) + 0.5_f64.powi(2) + 6.04_f64.powi(2) + 1.0;
+    let expected = squares / 4.0 * 1.0_f64.to_radians().powi(2);
     assert!(
         (mean_square / expected - 1.0).abs() < 1e-9,
         "{mean_square} {expected}"
@@ -385,6 +386,33 @@ fn the_probabilities_follow_from_the_numbers_of_the_table() {
         (found.right - overlap * precise).abs() < 1e-9,
         "{found:?} {precise}"
     );
+}
+
+#[test]
+fn whether_there_is_overlap_does_not_depend_on_which_image_is_the_first() {
+    for (right, wrong, window) in [(200, 40, 1.0), (60, 200, 0.5), (20, 100, 0.3)] {
+        let points = matches(right, wrong, window);
+        let turned = MatchedPoints {
+            a: points.b.clone(),
+            b: points.a.clone(),
+            ..points.clone()
+        };
+        let inverse = truth().rotation.inverse();
+        let a_from_b = RelativePose {
+            rotation: inverse,
+            direction: -(inverse * truth().direction),
+        };
+        let found = views(&points).pose_probabilities(&truth());
+        let from_b = views(&turned).pose_probabilities(&a_from_b);
+        assert!(
+            (found.overlap - from_b.overlap).abs() < 1e-9,
+            "{found:?} {from_b:?}"
+        );
+        assert!(
+            (found.right - from_b.right).abs() < 0.02,
+            "{found:?} {from_b:?}"
+        );
+    }
 }
 
 #[test]
