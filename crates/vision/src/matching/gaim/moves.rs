@@ -132,3 +132,75 @@ fn around(problem: &Problem, p: usize) -> Vec<usize> {
     }
     around
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::super::graph::neighbours;
+    use super::*;
+
+    /// Nodes on a grid, each with a candidate at a place of its own and one that moved by an affine map like all others.
+    fn grid(side: usize, count: usize) -> Problem {
+        let map = Matrix2::new(0.9, 0.2, -0.1, 1.1);
+        let nodes: Vec<Vector2<f64>> = (0..side * side)
+            .map(|i| Vector2::new(10.0 * (i % side) as f64, 10.0 * (i / side) as f64))
+            .collect();
+        let label = |at, b_from_a| Label {
+            at,
+            b_from_a,
+            unary: 0,
+            index: 0,
+        };
+        let labels = (nodes.iter().enumerate())
+            .map(|(p, node)| {
+                let alone = Vector2::new(0.0, 1e4 * (1.0 + p as f64));
+                vec![label(alone, map), label(map * node, map)]
+            })
+            .collect();
+        Problem {
+            neighbours: neighbours(&nodes, count),
+            nodes,
+            labels,
+            truncation: 0.4,
+            collision: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_frame_proposes_what_it_predicts_and_nothing_that_is_far_from_there() {
+        let mut problem = grid(7, 8);
+        let (p, near, far) = (24, 25, 31);
+        // At a distance of 10: 3.9 from the predicted place is near enough, and 4.1 is not.
+        problem.labels[near][1].at.y += 3.9;
+        problem.labels[far][1].at.x -= 4.1;
+        let around = around(&problem, p);
+        let columns = Columns::new(&problem.labels);
+        let mut expected = vec![(p, 1)];
+        expected.extend(around.iter().filter(|&&q| q != far).map(|&q| (q, 1)));
+        assert_eq!(spread(&problem, &columns, &around, (p, 1)), expected);
+        assert_eq!(spread(&problem, &columns, &around, (p, 0)), [(p, 0)]);
+    }
+
+    #[test]
+    fn a_frame_reaches_the_neighbours_and_theirs_each_once() {
+        for count in [3, 8, 40] {
+            let problem = grid(16, count);
+            let of = |p: usize| problem.neighbours[p].iter().map(|&q| q as usize);
+            for p in [0, 17, 120, 255] {
+                let found = around(&problem, p);
+                let direct: Vec<usize> = of(p).collect();
+                assert_eq!(found[..direct.len()], direct);
+                let mut reached: BTreeSet<usize> = direct.iter().flat_map(|&q| of(q)).collect();
+                reached.extend(&direct);
+                reached.remove(&p);
+                let distinct: BTreeSet<usize> = found.iter().copied().collect();
+                assert!(distinct.is_subset(&reached), "{p}");
+                assert_eq!(found.len(), reached.len().min(REACHED), "{p}");
+                assert_eq!(distinct.len(), found.len(), "{p}");
+            }
+        }
+    }
+}

@@ -105,6 +105,40 @@ fn an_affine_motion_is_found_among_look_alikes_and_outliers() {
 }
 
 #[test]
+fn in_images_of_another_size_the_matches_are_the_same() {
+    let enlarged = |features: &Features, scale: f32| {
+        let keypoint = |keypoint: &Keypoint| Keypoint {
+            at: keypoint.at * scale,
+            size: keypoint.size * scale,
+            ..*keypoint
+        };
+        let size = [features.size.width, features.size.height];
+        let [width, height] = size.map(|length| (length as f32 * scale) as usize);
+        let keypoints = features.keypoints.iter().map(keypoint).collect();
+        let frames = (0..features.len()).map(|index| features.frame(index).map(|v| v * scale));
+        Features::new(
+            Size::new(width, height),
+            keypoints,
+            features.descriptors.clone(),
+        )
+        .with_frames(frames.collect())
+    };
+    let (a, b) = scene(150);
+    let matches = run(&a, &b);
+    assert!(matches.len() > 80, "{}", matches.len());
+    // Powers of two change no digit.
+    for scale in [0.125, 8.0] {
+        assert_eq!(
+            run(&enlarged(&a, scale), &enlarged(&b, scale)),
+            matches,
+            "{scale}"
+        );
+    }
+    // As in the paper, a pixel is one of an image with a diagonal of 1000 pixels.
+    assert_eq!([pixel(&a), pixel(&enlarged(&a, 0.5))], [1.0, 0.5]);
+}
+
+#[test]
 fn candidates_are_the_nearest_of_different_places() {
     let mut rng = Seed(3).rng();
     let node = random_feature(&mut rng);
