@@ -270,6 +270,35 @@ mod tests {
         }
     }
 
+    /// A match of a layer of the scene that moves by an affine map of its own, at a random place.
+    fn of_layer(layer: usize, rng: &mut Rng) -> (Point, Point2<f64>) {
+        let mut coordinate = || 2.4 * rng.uniform() - 1.2;
+        let from = Point2::new(coordinate(), coordinate());
+        let (map, shift) = [
+            (Matrix2::new(1.1, 0.1, -0.1, 0.9), Vector2::new(0.5, 0.0)),
+            (Matrix2::new(0.8, 0.0, 0.2, 1.1), Vector2::new(-0.8, 0.3)),
+        ][layer];
+        let to = map * from + shift;
+        let frames = ([1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
+        let params = CodeParams::default();
+        (point(frames, from, to, &params).expect("regular"), to)
+    }
+
+    #[test]
+    fn layers_of_the_scene_that_move_differently_are_both_followed() {
+        let (rng, params) = (&mut crate::seed::Seed(4).rng(), CodeParams::default());
+        let verified: Vec<_> = (0..600).map(|i| of_layer(i % 2, rng)).collect();
+        let centres: Vec<Point> = verified.iter().map(|&(point, _)| point).take(60).collect();
+        let motion = learn_motion(&verified, &centres, &params).expect("it is determined");
+        let mut is_followed = || {
+            let (point, to) = of_layer(rng.below(2) as usize, rng);
+            let [u, v] = evaluate(&affine_row(&point, &centres), &motion);
+            (Point2::new(u, v) - to).norm_squared() < params.squared_transfer
+        };
+        let followed = (0..500).filter(|_| is_followed()).count();
+        assert!(followed > 480, "{followed} of 500");
+    }
+
     #[test]
     fn as_many_as_are_asked_for_are_drawn_and_none_twice() {
         let rng = &mut crate::seed::Seed(3).rng();
