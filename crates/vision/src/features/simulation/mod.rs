@@ -270,3 +270,171 @@ fn keep_strongest<E: Extractor>(
     let frames = frames.collect();
     Features::new(Size::new(0, 0), keypoints.collect(), descriptors).with_frames(frames)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::{DescriptorKind, FloatRows};
+
+    fn views() -> impl Iterator<Item = SimulatedView> {
+        let tilts = [1.2, 2.0, 4.0];
+        let longitudes = [0.0, 0.4, 1.2, 1.9, 2.8];
+        tilts
+            .into_iter()
+            .flat_map(move |tilt| longitudes.map(|longitude| SimulatedView { tilt, longitude }))
+    }
+
+    /// The corners of the image in the view, in turn.
+    fn corners(placement: &Placement) -> [Vector2<f32>; 4] {
+        let [image, view] = placement.centres;
+        let view_from_image = placement
+            .image_from_view
+            .try_inverse()
+            .expect("it is regular");
+        let half = Vector2::new(placement.image.width as f32, placement.image.height as f32) / 2.0;
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+            let corner = image + half.component_mul(&Vector2::new(x, y));
+            view_from_image * (corner - image) + view
+        })
+    }
+
+    #[test]
+    fn a_view_is_as_large_as_what_it_shows_of_the_whole_image() {
+        for view in views() {
+            let image = GrayImage::filled(Size::new(90, 60), 0);
+            let (seen, placement) = simulate(&image, view);
+            let corners = corners(&placement);
+            for (axis, length) in [seen.width(), seen.height()].into_iter().enumerate() {
+                let of = |corner: &Vector2<f32>| corner[axis] + 0.5;
+                let least = corners.iter().map(of).fold(f32::INFINITY, f32::min);
+                let most = corners.iter().map(of).fold(f32::NEG_INFINITY, f32::max);
+                assert!(least > -1e-3 && most < length as f32 + 1e-3, "{view:?}");
+                assert!(most - least > length as f32 - 1.001, "{view:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_border_is_as_far_as_the_nearest_side_in_the_view() {
+        for view in views() {
+            let image = GrayImage::filled(Size::new(90, 60), 0);
+            let (seen, placement) = simulate(&image, view);
+            let corners = corners(&placement);
+            for y in (0..seen.height()).step_by(3) {
+                for x in (0..seen.width()).step_by(3) {
+                    let at = Point2::new(x as f32, y as f32);
+                    let distances = [0, 1, 2, 3].map(|i| {
+                        let side = (corners[(i + 1) % 4] - corners[i]).normalize();
+                        side.perp(&(at.coords - corners[i]))
+                    });
+                    let nearest = distances.into_iter().fold(f32::INFINITY, f32::min);
+                    let found = placement.distance_to_border(at);
+                    assert!(
+                        (found - nearest).abs() < 1e-3,
+                        "{view:?} {at}: {found} {nearest}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// Finds small and large keypoints in every image, on a lattice.
+    struct Lattice;
+
+    impl Extractor for Lattice {
+        fn kind(&self) -> DescriptorKind {
+            DescriptorKind::Float { dim: 1 }
+        }
+
+        fn extract(&self, image: &GrayImage) -> Features {
+            let Size { width, height } = image.size();
+            let places = (0..height)
+                .step_by(3)
+                .flat_map(|y| (0..width).step_by(3).map(move |x| (x, y)));
+            let keypoints: Vec<Keypoint> = places
+                .map(|(x, y)| Keypoint {
+                    at: Point2::new(x as f32, y as f32),
+                    size: if (x + y) % 2 == 0 { 1.3 } else { 4.0 },
+                    angle: Some(0.0),
+                    response: 1.0,
+                    octave: 0,
+                })
+                .collect();
+            let descriptors = FloatRows::from_vec(1, vec![0.0; keypoints.len()]);
+            Features::new(image.size(), keypoints, Descriptors::Float(descriptors))
+        }
+    }
+
+    #[test]
+    fn keypoints_that_reach_beyond_the_image_are_dropped() {
+        for view in views() {
+            let image = GrayImage::filled(Size::new(90, 60), 0);
+            let (seen, placement) = simulate(&image, view);
+            // 6 sqrt(2) times the scale, of which the size is twice.
+            let is_inside = |keypoint: &&Keypoint| {
+                let reach = 6.0 * std::f32::consts::SQRT_2 * keypoint.size / 2.0;
+                placement.distance_to_border(keypoint.at) >= reach
+            };
+            let all = Lattice.extract(&seen);
+            let expected = all.keypoints.iter().filter(is_inside);
+            let expected: Vec<_> = expected
+                .map(|keypoint| placement.point(keypoint.at))
+                .collect();
+            let found = extract_view(&Lattice, &image, view);
+            let found: Vec<_> = found.keypoints.iter().map(|keypoint| keypoint.at).collect();
+            assert!(!found.is_empty() && found == expected, "{view:?}");
+        }
+    }
+
+    /// A camera that sees an axis `t` times as short blurs it by 0.8 sqrt(t^2 - 1) pixels before.
+    #[test]
+    fn an_edge_across_the_tilt_is_blurred_as_a_camera_would() {
+        let edge = |y: usize| if y < 60 { 0 } else { 200 };
+        let image = GrayImage::from_fn(Size::new(8, 120), |_, y| edge(y));
+        for tilt in [2.0_f64, 3.0, 4.0] {
+            let view = SimulatedView {
+                tilt,
+                longitude: 0.0,
+            };
+            let (seen, placement) = simulate(&image, view);
+            let blur = 0.8 * (tilt * tilt - 1.0).sqrt();
+            for y in 0..seen.height() {
+                let at = placement.point(Point2::new(3.0, y as f32));
+                let beyond = (f64::from(at.y) - 59.5) / blur;
+                let expected = 100.0 * libm::erfc(-beyond / std::f64::consts::SQRT_2);
+                let found = f64::from(seen.at(3, y));
+                assert!(
+                    (found - expected).abs() < 3.0,
+                    "{tilt} {y}: {found} {expected}"
+                );
+            }
+        }
+    }
+
+    /// A mean of a ramp is the ramp in its middle, however the view is blurred.
+    #[test]
+    fn a_pixel_of_a_view_shows_the_place_where_it_is_in_the_image() {
+        let ramp = |x: f32, y: f32| 10.0 + x + 1.5 * y;
+        let image = GrayImage::from_fn(Size::new(90, 80), |x, y| ramp(x as f32, y as f32) as u8);
+        for view in views() {
+            let (seen, placement) = simulate(&image, view);
+            let mut inside = 0;
+            for y in 0..seen.height() {
+                for x in 0..seen.width() {
+                    let at = placement.point(Point2::new(x as f32, y as f32));
+                    let margin = 1.0 + 3.2 * view.tilt as f32;
+                    let is_inside = |v: f32, length: f32| v > margin && v < length - 1.0 - margin;
+                    if is_inside(at.x, 90.0) && is_inside(at.y, 80.0) {
+                        let (found, expected) = (f32::from(seen.at(x, y)), ramp(at.x, at.y));
+                        assert!(
+                            (found - expected).abs() < 1.1,
+                            "{view:?} {at}: {found} {expected}"
+                        );
+                        inside += 1;
+                    }
+                }
+            }
+            assert!(inside > 500, "{view:?}: {inside}");
+        }
+    }
+}
