@@ -184,5 +184,8 @@ mod tests {
         assert!((peak_angle(&histogram, 0).to_degrees() - 357.5).abs() < 1e-3);
         histogram.swap(1, 35);
         assert!((peak_angle(&histogram, 0).to_degrees() - 2.5).abs() < 1e-3);
+        // Along x it is 0, not a whole circle.
+        histogram[1] = histogram[35];
+        assert_eq!(peak_angle(&histogram, 0), 0.0);
     }
 }
