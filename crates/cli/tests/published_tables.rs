@@ -157,6 +157,7 @@ fn the_table_of_the_readme_is_what_the_files_say() {
 fn the_tables_of_results_are_what_the_files_say() {
     let book = text("docs/results.md");
     let [castle, kitti, tum, kitchen] = ["castle", "kitti", "tum", "kitchen"].map(Scores::of);
+    let placed = Scores::of("kitchen-camera");
     for entry in MATCHERS {
         let id = entry.id();
         let reference = cells(&book, "## Matchers with the reference estimator", id);
@@ -174,6 +175,12 @@ fn the_tables_of_results_are_what_the_files_say() {
             assert_eq!(cell.trim_end_matches(MARKS), expected, "{id}");
             assert_ne!(cell.ends_with('¹'), scene.is_repeated(id, "best"), "{id}");
         }
+        let with_camera = cells(&book, "## The truth of the kitchen", id);
+        let expected = ESTIMATORS.map(|estimator| placed.auc(id, estimator));
+        let expected = [expected.join(" / "), placed.auc_and_interval(id, "best")];
+        let found = [1, 2].map(|column| with_camera[column].trim_end_matches(MARKS));
+        assert_eq!(found, expected, "{id}");
+        assert!(placed.is_repeated(id, "best"), "{id}");
     }
 }
 
