@@ -3,7 +3,7 @@
 //!
 //! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix, in the source
 //! folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those of the depth camera, so
-//! they are approximate for colour images. If a pose is not finite (tracking was lost) or is not there, the image
+//! they are approximate for colour images, unless an option says where the colour camera is. If a pose is not finite (tracking was lost) or is not there, the image
 //! is reported and left out. `frame-000017.depth.png`, if it exists, is the depth in millimetres, with 65535 where
 //! nothing was measured. It was taken by the depth camera, some centimetres beside the colour camera, so it is as
 //! approximate as the poses.
@@ -86,6 +86,13 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
     notes.extend(images_left_out("whose pose is not finite", &lost));
     notes.extend(images_left_out("without a pose", &without));
     notes.extend(unread_left_out(&unread));
+    if options.body_from_camera.is_none() {
+        notes.push(format!(
+            "the poses are those of the depth camera; if the run warns of that, {} takes where it says that the colour \
+             camera is",
+            ImportOption::BodyFromCamera
+        ));
+    }
     Ok(Imported {
         about: About {
             origin: format!("7-Scenes, {}", base_name(&folder)),

@@ -291,6 +291,7 @@ fn seven_scenes_skips_lost_and_missing_poses() {
     let without = "left out: 1 image without a pose (frame-000003.color.png)";
     assert_eq!(found.about.notes[2], without);
     assert!(found.about.notes[3].ends_with("are not read (frame-000002.color.jxl)"));
+    assert!(found.about.notes[4].starts_with("the poses are those of the depth camera; "));
     fs::create_dir(src.join("seq-02")).unwrap();
     assert!(
         read("7scenes", &src)

@@ -68,7 +68,7 @@ impl Mistake {
             "the poses are those of a body to which the camera is fixed, turned by {degrees:.1} degrees and {apart:.3} away"
         );
         let remedy = format!(
-            "measure where the camera is on it (these poses say {numbers}), give that by {}",
+            "measure where the camera is on it (these poses say `{numbers}`), give that by {}",
             front_door::BODY_FROM_CAMERA
         );
         Some(Self {
