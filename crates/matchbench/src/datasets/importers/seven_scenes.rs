@@ -3,10 +3,10 @@
 //!
 //! `frame-000017.color.png` (or jpg) with `frame-000017.pose.txt`, a 4x4 camera-to-world matrix, in the source
 //! folder itself or in its `seq-NN/`. The poses come from KinectFusion and are those of the depth camera, so
-//! they are approximate for colour images, unless an option says where the colour camera is. If a pose is not finite (tracking was lost) or is not there, the image
-//! is reported and left out. `frame-000017.depth.png`, if it exists, is the depth in millimetres, with 65535 where
-//! nothing was measured. It was taken by the depth camera, some centimetres beside the colour camera, so it is as
-//! approximate as the poses.
+//! they are approximate for colour images, unless an option says where the colour camera is. If a pose is not finite
+//! (tracking was lost) or is not there, the image is reported and left out. `frame-000017.depth.png`, if it exists, is
+//! the depth in millimetres, with 65535 where nothing was measured. It was taken by the depth camera, beside the colour
+//! camera, so it is as approximate as the poses.
 //!
 //! K is not distributed with the colour images. The default, 525 525 320 240, is the Kinect's
 //! nominal colour camera; `camera-intrinsics.txt`, which some copies add, is the depth camera's
