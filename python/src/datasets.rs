@@ -131,8 +131,8 @@ impl Dataset {
 
 /// Converts a folder in another layout to ours; returns the notes of the import.
 #[pyfunction]
-#[pyo3(signature = (kind, source, out, pairs, sequence, sensor, camera, poses, body_from_camera, tolerance, interpolate, image_root,
-                    intrinsics, property, images))]
+#[pyo3(signature = (kind, source, out, pairs, sequence, sensor, camera, poses, body_from_camera, tolerance, interpolate,
+                    image_root, intrinsics, property, images))]
 pub(crate) fn import_dataset(
     py: Python<'_>,
     kind: &str,

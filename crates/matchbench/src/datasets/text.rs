@@ -174,6 +174,15 @@ pub fn rigid_motion_4x4(m: &[f64; 16]) -> Result<Isometry3<f64>, String> {
     rigid_motion(motion.try_into().expect("12 of 16 numbers"))
 }
 
+/// The rigid motion of 12 or 16 numbers: the rows of `[R t]`, or of the 4x4 matrix.
+pub(super) fn rigid_motion_of(numbers: &[f64]) -> Result<Isometry3<f64>, String> {
+    match numbers.len() {
+        12 => rigid_motion(numbers.try_into().expect("12 numbers")),
+        16 => rigid_motion_4x4(numbers.try_into().expect("16 numbers")),
+        count => Err(counted(count, "number")),
+    }
+}
+
 /// Nine numbers, row by row, as a homography; its scale is free.
 pub(super) fn homography(numbers: &[f64]) -> Result<Matrix3<f64>, String> {
     let found = numbers.len();

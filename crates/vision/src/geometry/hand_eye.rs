@@ -17,7 +17,8 @@
 //!    there are where motions do not determine `X`, the one that began without a rotation.
 
 use nalgebra::{
-    Isometry3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3, Vector6,
+    Isometry3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, UnitVector3,
+    Vector3, Vector6,
 };
 
 use super::RelativePose;
@@ -73,7 +74,8 @@ fn turn(motions: &[(Isometry3<f64>, RelativePose)]) -> Option<UnitQuaternion<f64
 
 /// The direction in which the motion leads; zero if it does not.
 fn direction(motion: &Isometry3<f64>) -> Vector3<f64> {
-    (motion.translation.vector.try_normalize(0.0)).unwrap_or_default()
+    let direction = RelativePose::direction_of(&motion.translation.vector);
+    direction.map_or_else(Vector3::zeros, UnitVector3::into_inner)
 }
 
 /// Motions of the body, and estimates of those of the camera.
@@ -138,8 +140,6 @@ impl LeastSquares<6> for Motions<'_> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::UnitVector3;
-
     use super::*;
     use crate::seed::Seed;
 

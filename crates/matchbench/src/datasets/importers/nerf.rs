@@ -138,10 +138,8 @@ pub(super) fn read(src: &Path, options: &ImportOptions<'_>) -> Result<Imported, 
 
 /// The pose of a frame, with our axes of the camera.
 fn pose(matrix: &[[f64; 4]]) -> Result<Isometry3<f64>, String> {
-    let numbers = matrix.as_flattened();
     let motion = match matrix.len() {
-        3 => text::rigid_motion(numbers.try_into().expect("3 rows of 4")),
-        4 => text::rigid_motion_4x4(numbers.try_into().expect("4 rows of 4")),
+        3 | 4 => text::rigid_motion_of(matrix.as_flattened()),
         rows => Err(format!(
             "its transform_matrix has {}, and a pose 3 or 4",
             counted(rows, "row")

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 
 use super::{KINDS, Kind};
-use crate::counted::counted;
 use crate::datasets::text::{self, TextFile};
 use crate::datasets::{Association, DatasetError, ImageStorage, PairRule};
 use crate::front_door::{self, Asked};
@@ -121,14 +120,9 @@ impl ImportOptions<'_> {
             return Ok(None);
         };
         let file = TextFile::read(file)?.without_commas();
-        let numbers = file.numbers()?;
-        match numbers.len() {
-            12 => text::rigid_motion(numbers.first_chunk().expect("12 numbers")),
-            16 => text::rigid_motion_4x4(numbers.first_chunk().expect("16 numbers")),
-            count => Err(counted(count, "number")),
-        }
-        .map(Some)
-        .map_err(|what| file.error(what, "expected [R t], 3x4, or the 4x4 matrix"))
+        text::rigid_motion_of(&file.numbers()?)
+            .map(Some)
+            .map_err(|what| file.error(what, "expected [R t], 3x4, or the 4x4 matrix"))
     }
 
     /// The camera that is read, of those that a source may have: the given one, or the first that is there in `folder`.

@@ -56,8 +56,7 @@ fn pair(
     };
     let numbers = text::numbers(&numbers.join(" "))?;
     let b_from_a = match numbers.len() {
-        30 => text::rigid_motion(numbers[18..].try_into().expect("12 numbers")),
-        34 => text::rigid_motion_4x4(numbers[18..].try_into().expect("16 numbers")),
+        30 | 34 => text::rigid_motion_of(&numbers[18..]),
         found => Err(format!(
             "{} after the overlaps where 9 + 9 + 16 are expected",
             counted(found, "number")

@@ -90,10 +90,13 @@ pub fn doubts(run: &RunFolder, sets: &[ResultSet]) -> Result<Vec<String>, StoreE
         let (mut usual, mut of_a_body) = (None, None);
         if let Some(sequence) = &sequence {
             let poses = poses(run, &sets, &judged)?;
-            usual = (explanation(sequence, &poses))
-                .filter(|(_, count)| few_agree && *count >= 2 * agreeing(&judged));
-            of_a_body =
-                body(sequence, &poses).filter(|(_, count)| few_near && *count >= 2 * near(&judged));
+            if few_agree {
+                usual = explanation(sequence, &poses)
+                    .filter(|(_, count)| *count >= 2 * agreeing(&judged));
+            }
+            if few_near && usual.is_none() {
+                of_a_body = body(sequence, &poses).filter(|(_, count)| *count >= 2 * near(&judged));
+            }
         }
         let pairs = judged.len();
         let reason = match (usual, of_a_body) {
